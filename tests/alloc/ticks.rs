@@ -28,12 +28,7 @@ fn recorded_times_allocate_nothing() {
 #[test]
 fn state_and_live_parameters_allocate_nothing() {
     for kind in harness::registry().iter() {
-        let node = || {
-            let mut compiled = any_node::compiled(&any_node::graph(kind.as_ref(), "random", 500, 48_000));
-            let it = compiled.schedule.index_of("it").expect("the node");
-            compiled.nodes.swap_remove(it).processor
-        };
-        let (mut old, mut new) = (node(), node());
+        let (mut old, mut new) = (any_node::prepared(kind, &[]), any_node::prepared(kind, &[]));
         let mut bytes = vec![0; old.state_size()];
         let live: Vec<usize> =
             (0..kind.descriptor().params.len()).filter(|&i| kind.descriptor().params[i].live).collect();

@@ -1,29 +1,17 @@
 //! Use that a node makes of the state of one with other parameters, and of a parameter that changes: what is
 //! heard and felt.
 
-use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Processor};
-use harness::any_node::{compiled, graph, registry};
+use harness::{any_node, registry};
 
 use crate::drive::{audio, control, samples, tick, values};
 
 /// Samples of a tick.
 const PER_TICK: usize = 96;
 
-/// The graph of one node of a kind at 48 kHz, its first input fed as `shape` says, with settings such as
-/// `gain=2`.
+/// A node of a kind, with settings such as `gain=2`.
 fn one(kind: &str, settings: &[&str]) -> Box<dyn Processor> {
-    let registry = registry();
-    prepared(graph(registry.get(kind).expect("a kind").as_ref(), "random", 500, 48_000), settings)
-}
-
-fn prepared(mut graph: GraphFile, settings: &[&str]) -> Box<dyn Processor> {
-    for setting in settings {
-        graph.set(&format!("it.{setting}"), "test").expect("a setting");
-    }
-    let mut compiled = compiled(&graph);
-    let it = compiled.schedule.index_of("it").expect("the node");
-    compiled.nodes.swap_remove(it).processor
+    any_node::prepared(registry().get(kind).expect("a kind"), settings)
 }
 
 fn adopt(old: &mut dyn Processor, new: &mut dyn Processor) {
@@ -69,19 +57,17 @@ fn a_delay_of_another_length_takes_over_what_it_keeps() {
 
 #[test]
 fn control_in_a_delay_arrives_after_its_length_changes() {
-    let graph = || {
-        harness::graph::of_lines(
-            "source: test_source(shape: \"control\", count: 2, unit: \"N\"); it: delay; probe: probe
-             source -> it -> probe",
-        )
+    let prepared = |setting: &str| {
+        let lines = "s: stroke; v: velocity; it: delay; p: probe; s -> v; v.velocity -> it -> p";
+        any_node::of(harness::graph::of_lines(lines), &registry(), &[setting])
     };
-    let mut old = prepared(graph(), &["delay_ms=20"]);
+    let mut old = prepared("delay_ms=20");
     let mut out = [control(&[0.0; 2])];
     for k in 0..40 {
         tick(old.as_mut(), k, &[control(&[k as f64, -(k as f64)])], &mut out);
     }
     for (ms, delay) in [("20", 10), ("6", 3), ("30", 15)] {
-        let mut new = prepared(graph(), &[&format!("delay_ms={ms}")]);
+        let mut new = prepared(&format!("delay_ms={ms}"));
         adopt(old.as_mut(), new.as_mut());
         for k in 40..60_u64 {
             tick(new.as_mut(), k, &[control(&[k as f64, -(k as f64)])], &mut out);

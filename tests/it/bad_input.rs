@@ -1,194 +1,126 @@
 //! Whatever is wrong with the input: file, line and column, what was found, what would fit, exit code 2, and
 //! nothing left behind.
 
-use harness::{files, graphs, run, shipped_graph};
+use harness::{Room, shipped_graph};
 
-/// A graph that is right, in which one thing is then made wrong.
-fn good() -> String {
-    shipped_graph()
-}
-
-/// Renders a graph that is wrong. `place` is where the error must point: the text under the caret begins
-/// there.
-fn refused(graph: &str, place: Option<&str>, says: &[&str]) {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("g.ron"), graph).unwrap();
-    let ran =
-        run(dir.path(), &["render", "g.ron", "--out", "o.wav", "--report", "r.json", "--plot", "p.svg"]);
-    assert_eq!(ran.code, 2, "{}{}", ran.out, ran.err);
-    if let Some(place) = place {
-        let at = graph.find(place).unwrap_or_else(|| panic!("{place} is not in the graph"));
-        let line = graph[..at].matches('\n').count() + 1;
-        let column = graph[..at].rsplit('\n').next().unwrap().chars().count() + 1;
-        let wanted = format!("g.ron:{line}:{column}: error: ");
-        assert!(ran.err.contains(&wanted), "expected {wanted} in:\n{}", ran.err);
-    }
-    for text in says {
-        assert!(ran.err.contains(text), "expected `{text}` in:\n{}", ran.err);
-    }
-    assert!(!ran.err.contains("panicked"), "{}", ran.err);
-    assert_eq!(files(dir.path()), ["g.ron"], "nothing may be left behind");
-}
-
-/// Replaces the one occurrence of a text.
-fn with(old: &str, new: &str) -> String {
-    let graph = good();
-    assert_eq!(graph.matches(old).count(), 1, "`{old}` must stand in the shipped graph once");
-    graph.replace(old, new)
-}
-
-#[test]
-fn the_shipped_graph_is_right() {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("g.ron"), good()).unwrap();
-    run(dir.path(), &["check", "g.ron"]).ok();
-}
-
-/// Edits of the shipped graph, where the error must point if it has a place, and what it must say.
-type Case = (&'static [(&'static str, &'static str)], Option<&'static str>, &'static [&'static str]);
+/// Edits of the shipped graph, each `old => new` on a line, and what the error says, split at `|`. It points
+/// at the `^` of the edits.
+type Case = (&'static str, &'static str);
 
 const SPELLING: &[Case] = &[
-    (
-        &[(r#""overlap_add""#, r#""overlapp_add""#)],
-        Some(r#""overlapp_add""#),
-        &["no node kind `overlapp_add`", "did you mean `overlap_add`?"],
-    ),
-    (
-        &[("cutoff_hz: 20.0", "cutof_hz: 20.0")],
-        Some("cutof_hz"),
-        &["`velocity` has no parameter `cutof_hz`", "did you mean `cutoff_hz`?"],
-    ),
-    (
-        &[(r#""motion.speed""#, r#""motion.sped""#)],
-        Some(r#""motion.sped""#),
-        &["no output `sped`", "did you mean `speed`?"],
-    ),
-    (
-        &[(r#""motion.speed""#, r#""moton.speed""#)],
-        Some(r#""moton.speed""#),
-        &["no node `moton`", "did you mean `motion`?"],
-    ),
-    (
-        &[(r#""motion.speed""#, r#""motion""#)],
-        Some(r#""motion", "gate"#),
-        &["has 4 outputs; say which", "`motion.speed`"],
-    ),
-    (&[("zigzag.csv", "zigzac.csv")], None, &["cannot find the file", "did you mean `zigzag.csv`?"]),
-    (&[(r#""canvas""#, r#""canvs""#)], Some(r#""canvs""#), &["did you mean `canvas`?"]),
+    (r#""overlap_add" => ^"overlapp_add""#, "no node kind `overlapp_add`|did you mean `overlap_add`?"),
+    ("cutoff_hz: 20.0 => ^cutof_hz: 20.0", "no parameter `cutof_hz`|did you mean `cutoff_hz`?"),
+    (r#""motion.speed" => ^"motion.sped""#, "no output `sped`|did you mean `speed`?"),
+    (r#""motion.speed" => ^"moton.speed""#, "no node `moton`|did you mean `motion`?"),
+    (r#""motion.speed" => ^"motion""#, "has 4 outputs; say which|`motion.speed`"),
+    ("zigzag.csv => zigzac.csv", "cannot find the file|did you mean `zigzag.csv`?"),
+    (r#""canvas" => ^"canvs""#, "did you mean `canvas`?"),
 ];
 
 const VALUES: &[Case] = &[
+    ("cutoff_hz: 20.0 => cutoff_hz: ^-1.0", "-1 Hz is out of range|from 0 to 1000 Hz"),
+    ("cutoff_hz: 20.0 => cutoff_hz: ^1e50", "out of range"),
+    ("tick_hz: 500 => tick_hz: ^5", "5 Hz is out of range|from 100 to 4000 Hz"),
+    ("cutoff_hz: 20.0 => cutoff_hz: ^400.0", "below 250 Hz"),
+    ("cutoff_hz: 20.0 => cutoff_hz: ^NaN", "not a finite number"),
+    ("cutoff_hz: 20.0 => cutoff_hz: ^inf", "not a finite number"),
+    ("cutoff_hz: 20.0 => cutoff_hz: ^-inf", "not a finite number"),
+    ("cutoff_hz: 20.0 => cutoff_hz: ^1e400", "not a finite number"),
+    (r#"cutoff_hz: 20.0 => cutoff_hz: ^"20""#, r#"expected a number, found the text "20""#),
+    (r#""floor": (kind: "virtual_floor" => "floor": (kind: ^7"#, "expected a text in quotes"),
+    ("cutoff_hz: 20.0 => cutoff_hz: 20.0, ^cutoff_hz: 30.0", "`cutoff_hz` stands here twice|the first"),
     (
-        &[("cutoff_hz: 20.0", "cutoff_hz: -1.0")],
-        Some("-1.0"),
-        &["-1 Hz is out of range", "from 0 to 1000 Hz"],
+        r#""phase": (kind: "spsi"), => "phase": (kind: "spsi"), ^"phase": (kind: "gain"),"#,
+        "`phase` stands here twice",
     ),
-    (&[("cutoff_hz: 20.0", "cutoff_hz: 1e50")], Some("1e50"), &["out of range"]),
-    (&[("tick_hz: 500", "tick_hz: 5")], Some("5,"), &["5 Hz is out of range", "from 100 to 4000 Hz"]),
-    (&[("cutoff_hz: 20.0", "cutoff_hz: 400.0")], Some("400.0"), &["below 250 Hz"]),
-    (&[("cutoff_hz: 20.0", "cutoff_hz: NaN")], Some("NaN"), &["not a finite number"]),
-    (&[("cutoff_hz: 20.0", "cutoff_hz: inf")], Some("inf"), &["not a finite number"]),
-    (&[("cutoff_hz: 20.0", "cutoff_hz: -inf")], Some("-inf"), &["not a finite number"]),
-    (&[("cutoff_hz: 20.0", "cutoff_hz: 1e400")], Some("1e400"), &["not a finite number"]),
+    ("synthesis_hz: 2500 => synthesis_hz: ^2503", "not a whole number of samples at 2503 Hz"),
     (
-        &[("cutoff_hz: 20.0", r#"cutoff_hz: "20""#)],
-        Some(r#""20""#),
-        &[r#"expected a number, found the text "20""#],
-    ),
-    (
-        &[(r#""floor": (kind: "virtual_floor""#, r#""floor": (kind: 7"#)],
-        Some("7"),
-        &["expected a text in quotes"],
-    ),
-    (
-        &[("cutoff_hz: 20.0", "cutoff_hz: 20.0, cutoff_hz: 30.0")],
-        Some("cutoff_hz: 30.0"),
-        &["`cutoff_hz` stands here twice", "the first"],
-    ),
-    (
-        &[(
-            r#""phase": (kind: "spsi"),"#,
-            "\"phase\": (kind: \"spsi\"),\n        \"phase\": (kind: \"gain\"),",
-        )],
-        Some(r#""phase": (kind: "gain")"#),
-        &["`phase` stands here twice"],
-    ),
-    (
-        &[("synthesis_hz: 2500", "synthesis_hz: 2503")],
-        Some("2503"),
-        &["not a whole number of samples at 2503 Hz"],
-    ),
-    (
-        &[("cutoff_hz: 20.0", "cutof_hz: 20.0"), (r#""spsi""#, r#""spsy""#)],
-        None,
-        &["no parameter `cutof_hz`", "no node kind `spsy`", "2 errors"],
+        "cutoff_hz: 20.0 => cutof_hz: 20.0\n\"spsi\" => \"spsy\"",
+        "no parameter `cutof_hz`|no node kind `spsy`|2 errors",
     ),
 ];
 
 const WIRES: &[Case] = &[
     // Units: what goes between is named.
     (
-        &[(r#"("gate.out", "inverse")"#, r#"("gate.out", "limiter")"#), (r#"("inverse", "limiter"),"#, "")],
-        Some("\"limiter\"),\n"),
-        &["m/s^2", "`limiter.in` takes Audio", "A or V", "`actuator_inverse`"],
+        r#"("gate.out", "inverse") => ("gate.out", ^"limiter")
+        ("inverse", "limiter"), => "#,
+        "m/s^2|`limiter.in` takes Audio|A or V|`actuator_inverse`",
     ),
     (
-        &[(r#"("phase", "synthesis")"#, r#"("texture", "synthesis")"#), (r#"("texture", "phase"),"#, "")],
-        Some("\"synthesis\"),\n"),
-        &["carries Magnitude of 101 bins", "takes Spectrum", "what goes between: `", "`spsi`"],
+        r#"("phase", "synthesis") => ("texture", ^"synthesis")
+        ("texture", "phase"), => "#,
+        "carries Magnitude of 101 bins|takes Spectrum|what goes between: `|`spsi`",
     ),
     // Rates: straight from 2500 Hz into the sound card's rate.
     (
-        &[
-            (r#"("synthesis", "audio rate")"#, r#"("synthesis", "gate.in")"#),
-            (r#"("audio rate", "gate.in"),"#, ""),
-        ],
-        Some("\"out\"),\n    ],"),
-        &["Audio at 2500 Hz", "takes Audio at 48000 Hz", "`resample`"],
+        r#"("synthesis", "audio rate") => ("synthesis", "gate.in")
+        ("audio rate", "gate.in"), =>
+        ("limiter", "out") => ("limiter", ^"out")"#,
+        "Audio at 2500 Hz|takes Audio at 48000 Hz|`resample`",
     ),
     (
-        &[(r#"("motion.velocity", "history.velocity")"#, r#"("motion.speed", "history.velocity")"#)],
-        Some(r#""history.velocity""#),
-        &["`motion.speed` carries Control x1", "takes Control x2"],
+        r#"("motion.velocity", "history.velocity") => ("motion.speed", ^"history.velocity")"#,
+        "`motion.speed` carries Control x1|takes Control x2",
     ),
     // Nothing but a limiter reaches a device.
     (
-        &[(r#"("inverse", "limiter")"#, r#"("inverse", "out")"#), (r#"("limiter", "out"),"#, "")],
-        Some("\"out\"),\n"),
-        &["takes only what a limiter lets through", "put a `limiter` last"],
+        r#"("inverse", "limiter") => ("inverse", ^"out")
+        ("limiter", "out"), => "#,
+        "takes only what a limiter lets through|put a `limiter` last",
     ),
     (
-        &[
-            (
-                r#""phase": (kind: "spsi"),"#,
-                r#""phase": (kind: "spsi"), "a": (kind: "mix"), "b": (kind: "gain"),"#,
-            ),
-            (
-                r#"("synthesis", "audio rate")"#,
-                r#"("synthesis", "a.in1"), ("b", "a.in2"), ("a", "b"), ("a", "audio rate")"#,
-            ),
-        ],
-        None,
-        &["wait for each other", "a -> b -> a", "put a `delay` into the cycle"],
+        r#""phase": (kind: "spsi"), => "phase": (kind: "spsi"), "a": (kind: "mix"), "b": (kind: "gain"),
+        ("phase", "synthesis") => ("phase", "synthesis"), ("b", "a.in2"), ("a", "b"), ("a", "audio rate")
+        ("synthesis", "audio rate") => ("synthesis", "a.in1")"#,
+        "wait for each other|a -> b -> a|put a `delay` into the cycle",
     ),
     (
-        &[(r#"("phase", "synthesis")"#, r#"("phase", "synthesis"), ("phase", "synthesis.spectrum")"#)],
-        Some(r#""synthesis.spectrum""#),
-        &["two wires end at `synthesis.spectrum`", "`mix`"],
+        r#"("phase", "synthesis") => ("phase", "synthesis"), ("phase", ^"synthesis.spectrum")"#,
+        "two wires end at `synthesis.spectrum`|`mix`",
     ),
     (
-        &[(r#"("motion.speed", "gate.speed"),"#, "")],
-        Some(r#""gate": (kind"#),
-        &["nothing is wired to `gate.speed`", "Control x1 [mm/s]"],
+        r#"("motion.speed", "gate.speed"), =>
+        "gate": => ^"gate":"#,
+        "nothing is wired to `gate.speed`|Control x1 [mm/s]",
     ),
 ];
 
-fn all_refused(cases: &[Case]) {
-    for (edits, place, says) in cases {
-        let ((old, new), rest) = (edits[0], &edits[1..]);
-        let graph = rest.iter().fold(with(old, new), |graph, (old, new)| graph.replace(old, new));
-        refused(&graph, *place, says);
+/// Renders a graph that is wrong, with `^` where the error must point. Old files stay, and no new ones come.
+fn refused(graph: &str, says: &str) {
+    let dir = Room::new();
+    dir.write("g.ron", graph.replace('^', ""));
+    dir.write("o.wav", "precious");
+    let ran = dir.run("render g.ron --out o.wav --report r.json --plot p.svg").refused("");
+    ran.says(&says.split('|').collect::<Vec<_>>());
+    if let Some((before, _)) = graph.split_once('^') {
+        let (line, column) = position(before);
+        dir.run("check g.ron").refused(&format!("g.ron:{line}:{column}: error: "));
     }
+    assert_eq!((dir.files(), dir.text("o.wav")), (vec!["g.ron".into(), "o.wav".into()], "precious".into()));
+}
+
+/// Line and column behind a text.
+fn position(before: &str) -> (usize, usize) {
+    (before.matches('\n').count() + 1, before.rsplit('\n').next().unwrap().chars().count() + 1)
+}
+
+fn all_refused(cases: &[Case]) {
+    for (edits, says) in cases {
+        let edited = edits.lines().fold(shipped_graph(), |graph, edit| {
+            let (old, new) = edit.split_once("=>").expect("an edit");
+            assert!(graph.contains(old.trim()), "`{old}` stands in the shipped graph");
+            graph.replace(old.trim(), new.trim())
+        });
+        refused(&edited, says);
+    }
+}
+
+#[test]
+fn the_shipped_graph_is_right() {
+    let dir = Room::new();
+    dir.write("g.ron", shipped_graph());
+    dir.run("check g.ron").ok();
 }
 
 #[test]
@@ -208,10 +140,10 @@ fn wrong_wire_is_refused_with_what_would_fit() {
 
 #[test]
 fn syntax_errors_say_where() {
-    refused(&with("tick_hz: 500,", "tick_hz 500,"), None, &["g.ron:", "not valid RON"]);
-    refused("", None, &["g.ron:1:1", "not valid RON"]);
-    refused("Graph(version: 2, nodes: {})", Some("2"), &["unknown version"]);
-    refused("Graph(version: 1, nodes: {})", None, &["no sink"]);
+    all_refused(&[("tick_hz: 500, => tick_hz 500,", "g.ron:|not valid RON")]);
+    refused("", "g.ron:1:1|not valid RON");
+    refused("Graph(version: ^2, nodes: {})", "unknown version");
+    refused("Graph(version: 1, nodes: {})", "no sink");
 }
 
 #[test]
@@ -224,71 +156,64 @@ fn a_bad_trajectory_points_into_the_csv() {
         ("0.004,zwei,0,-1\n", "4:7", "number"),
         ("0.004,0.2,0\n", "4:", "a row of 3 cells"),
     ] {
-        let dir = tempfile::tempdir().unwrap();
-        std::fs::write(dir.path().join("t.csv"), format!("{head}{rows}0.006,0.3,0,-1\n")).unwrap();
-        let graph = graphs("heravi2024.ron");
-        let ran = run(dir.path(), &["render", graph.to_str().unwrap(), "--input", "t.csv", "--out", "o.wav"]);
-        assert_eq!(ran.code, 2, "{rows}: {}{}", ran.out, ran.err);
-        assert!(ran.err.contains(&format!("t.csv:{at}")), "{rows}: {}", ran.err);
-        assert!(ran.err.contains(says), "{rows}: {}", ran.err);
-        assert_eq!(files(dir.path()), ["t.csv"]);
+        let dir = Room::new();
+        dir.write("t.csv", format!("{head}{rows}0.006,0.3,0,-1\n"));
+        dir.run("render graphs/heravi2024.ron --input t.csv --out o.wav")
+            .refused(&format!("t.csv:{at}"))
+            .says(&[says]);
+        assert_eq!(dir.files(), ["t.csv"]);
     }
 }
 
 #[test]
 fn a_model_that_is_none_is_refused() {
+    // From a graph file, the place that names the model is shown.
+    let graph = shipped_graph();
+    let quote = graph.find("model:").expect("a model") + "model: ".len();
+    let (line, column) = position(&graph[..quote]);
+    let end = quote + 1 + graph[quote + 1..].find('"').expect("its end");
     for (name, bytes) in
         [("json.onnx", b"{\"a\": 1}".to_vec()), ("empty.onnx", vec![]), ("noise.onnx", (0..=255).collect())]
     {
-        let dir = tempfile::tempdir().unwrap();
-        std::fs::write(dir.path().join(name), bytes).unwrap();
-        let graph = graphs("heravi2024.ron");
-        let set = format!("texture.model={name}");
-        let ran = run(dir.path(), &["render", graph.to_str().unwrap(), "--set", &set, "--out", "o.wav"]);
-        assert_eq!(ran.code, 2, "{}{}", ran.out, ran.err);
-        assert!(ran.err.contains(name) && !ran.err.contains("panicked"), "{}", ran.err);
-        assert_eq!(files(dir.path()), [name]);
-        // From a graph file, the place that names the model is shown.
-        let g = with("models/surfaces/texture_mean.onnx", "MODEL");
-        let at = g.find("MODEL").unwrap();
-        let quote = g[..at].rfind('"').unwrap();
-        let g = format!("{}\"{name}\"{}", &g[..quote], &g[at + "MODEL\"".len()..]);
-        std::fs::write(dir.path().join("g.ron"), &g).unwrap();
-        let ran = run(dir.path(), &["check", "g.ron"]);
-        let line = g[..quote].matches('\n').count() + 1;
-        let column = quote - g[..quote].rfind('\n').unwrap();
-        assert!(ran.err.contains(&format!("read by `texture` at g.ron:{line}:{column}")), "{}", ran.err);
-        assert!(ran.err.contains("^^^") && ran.err.contains("model:"), "{}", ran.err);
+        let dir = Room::new();
+        dir.write(name, bytes);
+        dir.run(&format!("render graphs/heravi2024.ron --set texture.model={name} --out o.wav"))
+            .refused(name);
+        assert_eq!(dir.files(), [name]);
+        dir.write("g.ron", format!("{}\"{name}{}", &graph[..quote], &graph[end..]));
+        dir.run("check g.ron")
+            .refused(&format!("read by `texture` at g.ron:{line}:{column}"))
+            .says(&["^^^", "model:"]);
     }
 }
 
 #[test]
 fn what_stands_on_the_command_line_is_checked_too() {
-    let dir = tempfile::tempdir().unwrap();
-    let graph = graphs("heravi2024.ron");
-    let graph = graph.to_str().unwrap();
+    let dir = Room::new();
     for (args, says) in [
-        (vec!["--set", "motion.cutoff_hz=-3"], "-3 Hz is out of range"),
-        (vec!["--set", "motion.cutof=3"], "did you mean `cutoff_hz`?"),
-        (vec!["--set", "moton.cutoff_hz=3"], "did you mean `motion`?"),
-        (vec!["--set", "motion.cutoff_hz"], "no `=`"),
-        (vec!["--set", "tick_hx=500"], "did you mean `tick_hz`?"),
-        (vec!["--seconds", "-1"], "out of range"),
-        (vec!["--seconds", "NaN"], "out of range"),
-        (vec!["--probe", "motion.speed=x.txt"], ".csv or .npy"),
-        (vec!["--probe", "motion.sped=x.csv"], "did you mean `speed`?"),
-        (vec!["--probe", "nobody.speed=x.csv"], "no node `nobody`"),
-        (vec!["--input", "nowhere.csv"], "cannot find the file"),
+        ("--set motion.cutoff_hz=-3", "-3 Hz is out of range"),
+        ("--set motion.cutof=3", "did you mean `cutoff_hz`?"),
+        ("--set moton.cutoff_hz=3", "did you mean `motion`?"),
+        ("--set motion.cutoff_hz", "no `=`"),
+        ("--set tick_hx=500", "did you mean `tick_hz`?"),
+        ("--seconds -1", "out of range"),
+        ("--seconds NaN", "out of range"),
+        ("--probe motion.speed=x.txt", ".csv or .npy"),
+        ("--probe motion.sped=x.csv", "did you mean `speed`?"),
+        ("--probe nobody.speed=x.csv", "no node `nobody`"),
+        ("--probe motion.speed=a.npy --probe motion.velocity=a.npy", "would write the same file as"),
+        ("--input nowhere.csv", "cannot find the file"),
+        ("--set audio_hz=192000 --seconds 5700", "a WAV file cannot hold 4377600000 bytes"),
     ] {
-        let mut all = vec!["render", graph, "--out", "o.wav"];
-        all.extend(&args);
-        let ran = run(dir.path(), &all);
-        assert_eq!(ran.code, 2, "{args:?}: {}{}", ran.out, ran.err);
-        assert!(ran.err.contains(says), "{args:?}: expected `{says}` in {}", ran.err);
-        assert!(files(dir.path()).is_empty(), "{args:?}");
+        dir.run(&format!("render graphs/heravi2024.ron --out o.wav {args}")).refused(says);
+        assert!(dir.files().is_empty(), "{args}");
     }
-    run(dir.path(), &["render", graph, "--out", "o.mp3"]).refused(".wav or .npy");
-    run(dir.path(), &["render", graph, "--out", "nowhere/o.wav"])
-        .refused("nowhere/o.wav: error: cannot write here");
-    assert!(files(dir.path()).is_empty());
+    for (args, says) in [
+        ("--out o.mp3", ".wav or .npy"),
+        ("--out nowhere/o.wav", "nowhere/o.wav: error: cannot write here"),
+        ("--out a.npy --probe motion.speed=a.npy", "would write the same file as"),
+    ] {
+        dir.run(&format!("render graphs/heravi2024.ron {args}")).refused(says);
+        assert!(dir.files().is_empty(), "{args}");
+    }
 }

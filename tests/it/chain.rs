@@ -1,44 +1,32 @@
 //! The stages from motion to the network against closed forms, through the program.
 
 use std::f64::consts::{PI, TAU};
-use std::path::Path;
 
 use asperity_data::Spectrometer;
 use asperity_dsp::frame::BINS;
 use asperity_surfaces::stylus::{Moment, SAMPLE_HZ, Stylus, Tool};
 use asperity_surfaces::topography::{Family, MadeSurface};
-use harness::{graphs, run};
+use harness::{Room, graphs};
 
 /// A trajectory at 1 kHz from a function of time to x, y, z.
 fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
-    let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=(seconds * 1000.0) as usize {
-        let t = k as f64 / 1000.0;
-        let [x, y, z] = at(t);
-        text.push_str(&format!("{t},{x},{y},{z}\n"));
-    }
-    text
+    harness::csv_at(1000, seconds, at)
 }
 
 /// Renders the shipped graph over a trajectory and answers what the probes saw, row by row.
-fn probed(trajectory: &str, sets: &[&str], ports: &[&str]) -> Vec<(Vec<f32>, usize)> {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("t.csv"), trajectory).unwrap();
-    let graph = graphs("heravi2024.ron").display().to_string();
-    let mut args = vec!["render".to_owned(), graph, "--input".into(), "t.csv".into()];
-    for set in [&["stylus.interpolation=linear"], sets].concat() {
-        args.extend(["--set".to_owned(), set.to_owned()]);
-    }
-    for (i, port) in ports.iter().enumerate() {
-        args.extend(["--probe".to_owned(), format!("{port}={i}.npy")]);
-    }
-    run(dir.path(), &args.iter().map(String::as_str).collect::<Vec<_>>()).ok();
-    let read = |path: &Path| {
-        let array = asperity_accuracy::npy::read(path).unwrap();
+fn probed(trajectory: &str, set: &str, ports: &[&str]) -> Vec<(Vec<f32>, usize)> {
+    let dir = Room::new();
+    dir.write("t.csv", trajectory);
+    let probe = |(i, port): (usize, &&str)| format!(" --probe {port}={i}.npy");
+    let probes: String = ports.iter().enumerate().map(probe).collect();
+    let set = format!("--set stylus.interpolation=linear --set '{set}'");
+    dir.run(&format!("render graphs/heravi2024.ron --input t.csv {set}{probes}")).ok();
+    let read = |i| {
+        let array = asperity_accuracy::npy::read(dir.join(format!("{i}.npy"))).unwrap();
         let columns = array.shape.get(1).copied().unwrap_or(1);
         (array.values.into_f32(), columns)
     };
-    (0..ports.len()).map(|i| read(&dir.path().join(format!("{i}.npy")))).collect()
+    (0..ports.len()).map(read).collect()
 }
 
 #[test]
@@ -48,7 +36,7 @@ fn history_is_ten_samples_at_500_hz_at_any_tick_rate() {
     let trajectory = csv(2.0, |t| [40.0 * t, -20.0 * t, -depth(t)]);
     for tick_hz in [250_usize, 500, 700, 1000] {
         let set = format!("tick_hz={tick_hz}");
-        let out = probed(&trajectory, &[&set], &["history.force", "history.velocity"]);
+        let out = probed(&trajectory, &set, &["history.force", "history.velocity"]);
         let (force, columns) = &out[0];
         assert_eq!(*columns, 10);
         for (k, row) in force.chunks_exact(10).enumerate() {
@@ -77,7 +65,7 @@ fn the_velocity_filter_is_3_db_down_at_20_hz() {
     let trajectory = csv(3.0, |t| [amplitude * (TAU * hz * t).sin(), 0.0, -1.0]);
     for tick_hz in [500.0, 1000.0] {
         let set = format!("tick_hz={tick_hz}");
-        let out = probed(&trajectory, &[&set], &["motion.velocity", "motion.speed"]);
+        let out = probed(&trajectory, &set, &["motion.velocity", "motion.speed"]);
         let vx: Vec<f64> = out[0].0.chunks_exact(2).map(|v| f64::from(v[0])).collect();
         let steady = &vx[vx.len() / 2..];
         let rms = (steady.iter().map(|v| v * v).sum::<f64>() / steady.len() as f64).sqrt();
@@ -98,7 +86,7 @@ fn the_velocity_filter_is_3_db_down_at_20_hz() {
 #[test]
 fn the_floor_pushes_by_hooke_up_to_what_the_device_can() {
     let trajectory = csv(2.0, |t| [0.0, 0.0, 2.0 - 6.0 * t]);
-    let out = probed(&trajectory, &[], &["floor.force", "floor.depth"]);
+    let out = probed(&trajectory, "seed=2024", &["floor.force", "floor.depth"]);
     for (k, (force, depth)) in out[0].0.iter().zip(&out[1].0).enumerate() {
         let expected = (6.0 * k as f64 / 500.0 - 2.0).max(0.0);
         assert!((f64::from(*depth) - expected).abs() < 1e-5, "tick {k}");
@@ -113,7 +101,7 @@ fn the_gate_opens_at_5_and_closes_at_2_mm_s() {
     let trajectory = csv(4.0, |t| {
         [if t < 2.0 { 2.5 * t * t } else { 10.0 + 10.0 * (t - 2.0) - 2.5 * (t - 2.0).powi(2) }, 0.0, -2.0]
     });
-    let out = probed(&trajectory, &[], &["motion.speed", "gate.active", "gate.out"]);
+    let out = probed(&trajectory, "seed=2024", &["motion.speed", "gate.active", "gate.out"]);
     let (speed, active) = (&out[0].0, &out[1].0);
     let opened = active.iter().position(|a| *a > 0.5).expect("it opens");
     assert!(speed[opened] >= 5.0 && speed[opened - 1] < 5.0, "{} {}", speed[opened - 1], speed[opened]);
@@ -170,7 +158,7 @@ fn the_shipped_network_answers_what_a_pen_feels() {
     let answered: Vec<Vec<f64>> = some
         .iter()
         .map(|surface| {
-            let out = probed(&trajectory, &[&format!("texture.material={}", surface.name)], &["texture"]);
+            let out = probed(&trajectory, &format!("texture.material={}", surface.name), &["texture"]);
             let predicted = out[0].0.chunks_exact(out[0].1).last().unwrap();
             assert_eq!(predicted[0], 0.0);
             bands(&|bin| f64::from(predicted[bin]).powi(2))
@@ -197,7 +185,7 @@ fn the_shipped_network_answers_what_a_pen_feels() {
 
 #[test]
 fn a_control_picks_among_preloaded_materials() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     // The depth picks: 0.2 mm rounds to the first, 1.2 mm to the second, and 9 mm is held to the last.
     let graph = harness::shipped_graph()
         .replace("material: \"canvas\",", "material: \"canvas\", materials: [\"oak\"],")
@@ -209,15 +197,15 @@ fn a_control_picks_among_preloaded_materials() {
             "(\"texture\", \"phase\"),",
             "(\"texture\", \"phase\"), (\"floor.depth\", \"pick\"), (\"pick\", \"texture.material\"),",
         );
-    std::fs::write(dir.path().join("pick.ron"), graph).unwrap();
-    std::fs::write(dir.path().join("plain.ron"), harness::shipped_graph()).unwrap();
+    dir.write("pick.ron", graph);
+    dir.write("plain.ron", harness::shipped_graph());
     for (depth, material) in [(0.2, "canvas"), (1.2, "oak"), (9.0, "oak")] {
         let trajectory = csv(0.5, |t| [100.0 * t, 0.0, -depth]);
-        std::fs::write(dir.path().join("t.csv"), trajectory).unwrap();
-        run(dir.path(), &["render", "pick.ron", "--input", "t.csv", "--out", "a.wav"]).ok();
+        dir.write("t.csv", trajectory);
+        dir.run("render pick.ron --input t.csv --out a.wav").ok();
         let set = format!("texture.material={material}");
-        run(dir.path(), &["render", "plain.ron", "--input", "t.csv", "--out", "b.wav", "--set", &set]).ok();
-        let read = |n: &str| std::fs::read(dir.path().join(n)).unwrap();
+        dir.run(&format!("render plain.ron --input t.csv --out b.wav --set {set}")).ok();
+        let read = |n: &str| dir.bytes(n);
         assert!(read("a.wav") == read("b.wav"), "{depth} mm");
     }
 }
@@ -230,7 +218,7 @@ fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
     let trajectory = csv(2.0, |t| [100.0 * t, 0.0, -1.0]);
     for (name, drive) in [("current", Drive::Current), ("voltage", Drive::Voltage)] {
         let set = format!("inverse.drive={name}");
-        let out = probed(&trajectory, &[&set], &["gate.out", "inverse"]);
+        let out = probed(&trajectory, &set, &["gate.out", "inverse"]);
         // Inverse and actuator together are the stated high-pass, and nothing else.
         let pair = asperity_dsp::filter::Section::high_pass(20.0, std::f64::consts::FRAC_1_SQRT_2);
         let mut pair = pair.bilinear(48_000.0, 20.0).expect("a filter");
@@ -243,21 +231,4 @@ fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
         }
         assert!(wanted > 0.0 && error < 1e-2 * wanted, "{name}: {:.5} of the power is error", error / wanted);
     }
-}
-
-#[test]
-fn a_sparse_recording_is_joined_smoothly_unless_told_otherwise() {
-    let at = |t: f64| 20.0 * (TAU * t).sin();
-    let mut sparse = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=50 {
-        let t = f64::from(k) / 25.0;
-        sparse.push_str(&format!("{t},{},0,-1\n", at(t)));
-    }
-    let worst = |set: &str| {
-        let out = probed(&sparse, &[set], &["stylus.position"]);
-        let x = out[0].0.chunks_exact(3).map(|p| f64::from(p[0]));
-        x.enumerate().map(|(k, x)| (x - at(k as f64 / 500.0)).abs()).fold(0.0, f64::max)
-    };
-    let (linear, cubic) = (worst("stylus.interpolation=linear"), worst("stylus.interpolation=cubic"));
-    assert!(cubic < 0.6 * linear, "cubic {cubic} mm, linear {linear} mm");
 }

@@ -5,12 +5,12 @@ use std::sync::OnceLock;
 
 use asperity_accuracy::{npy, phase};
 use harness::retrieval::file;
-use harness::{files, root, run, run_line};
+use harness::{Room, root, run};
 use serde_json::Value;
 
 /// Output of a run without arguments.
 struct Compared {
-    _dir: tempfile::TempDir,
+    _dir: Room,
     text: String,
     svg: String,
     csv: String,
@@ -19,9 +19,9 @@ struct Compared {
 fn compared() -> &'static Compared {
     static ONCE: OnceLock<Compared> = OnceLock::new();
     ONCE.get_or_init(|| {
-        let dir = tempfile::tempdir().unwrap();
-        let ran = run(dir.path(), &["compare", "--svg", "a.svg", "--csv", "a.csv"]).ok();
-        let read = |name: &str| std::fs::read_to_string(dir.path().join(name)).unwrap();
+        let dir = Room::new();
+        let ran = dir.run("compare --svg a.svg --csv a.csv").ok();
+        let read = |name: &str| dir.text(name);
         let (svg, csv) = (read("a.svg"), read("a.csv"));
         Compared { _dir: dir, text: ran.out, svg, csv }
     })
@@ -105,12 +105,12 @@ fn figure(csv: &str, method: &str, vector: &str, column: &str) -> f64 {
 
 #[test]
 fn figures_are_those_of_the_signal_that_invert_writes() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     for name in ["texture_2500", "nnsmooth_2500"] {
         let mags = file(&format!("{name}.mag.npy"));
         let args = ["invert", "--phase", "spsi", "--rate", "2500", "--out", "y.npy", "--magnitudes"];
-        run(dir.path(), &[&args[..], &[mags.to_str().unwrap()]].concat()).ok();
-        let signal = npy::read(dir.path().join("y.npy")).unwrap().values.into_f64();
+        run(&dir, &[&args[..], &[mags.to_str().unwrap()]].concat()).ok();
+        let signal = npy::read(dir.join("y.npy")).unwrap().values.into_f64();
         let array = npy::read(&mags).unwrap();
         let framing = phase::framing(2500, array.shape[1]);
         let want = phase::score(&array.values.into_f32(), &framing, &signal).unwrap();
@@ -151,18 +151,18 @@ fn write_signal(path: &Path, rate: u32) {
 
 #[test]
 fn folder_of_vectors_is_compared_with_published_scores() {
-    let dir = tempfile::tempdir().unwrap();
-    let folder = dir.path().join("mine");
+    let dir = Room::new();
+    let folder = dir.join("mine");
     std::fs::create_dir(&folder).unwrap();
     std::fs::copy(file("taps_2500.sig.npy"), folder.join("taps_2500.sig.npy")).unwrap();
     write_signal(&folder.join("two.sig.npy"), 4000);
-    std::fs::write(folder.join("index.json"), r#"{"two": {"fs": 4000}, "gone": {"fs": 1}}"#).unwrap();
+    dir.write("mine/index.json", r#"{"two": {"fs": 4000}, "gone": {"fs": 1}}"#);
     let scores = r#"{"sc": {"two": {"theirs": {"SC_dB": -12.5, "gain_dB": 0.25, "LTAS_rms_dB": 1.5}},
         "other": {"elsewhere": {"SC_dB": -1, "gain_dB": 0, "LTAS_rms_dB": 0}}},
         "latency_frames": {"theirs": -25}}"#;
-    std::fs::write(folder.join("sc.json"), scores).unwrap();
+    dir.write("mine/sc.json", scores);
     let args = ["compare", "--vectors", "mine", "--phase", "spsi:seed=5", "--phase", "spsi", "--json"];
-    let ran = run(dir.path(), &args).ok();
+    let ran = run(&dir, &args).ok();
     let json: Value = serde_json::from_str(&ran.out).unwrap();
     assert!(json["vectors"][0]["name"] == "taps_2500" && json["vectors"][1]["name"] == "two", "{json}");
     assert_eq!(json["vectors"][1]["rate_hz"], 4000);
@@ -182,8 +182,8 @@ fn folder_of_vectors_is_compared_with_published_scores() {
 
 /// Makes the plugin that `asperity plugin new` writes in C, with other words in place of some of its own,
 /// and builds it.
-fn plugin(dir: &Path, name: &str, change: &[(&str, &str)]) -> String {
-    run(dir, &["plugin", "new", name, "--lang", "c"]).ok();
+fn plugin(dir: &Room, name: &str, change: &[(&str, &str)]) -> String {
+    dir.run(&format!("plugin new {name} --lang c")).ok();
     let path = dir.join(name).join(format!("{name}.c"));
     let mut source = std::fs::read_to_string(&path).unwrap();
     for (from, to) in change {
@@ -198,13 +198,13 @@ fn plugin(dir: &Path, name: &str, change: &[(&str, &str)]) -> String {
 
 #[test]
 fn plugins_take_part_and_one_that_fails_is_a_row_that_says_so() {
-    let dir = tempfile::tempdir().unwrap();
-    let mine = plugin(dir.path(), "mine", &[]);
-    let bad = plugin(dir.path(), "bad", &[("return ASPERITY_CONTINUE;", "return ASPERITY_FAILED;")]);
-    std::fs::create_dir(dir.path().join("v")).unwrap();
-    write_signal(&dir.path().join("v/two_2500.sig.npy"), 2500);
+    let dir = Room::new();
+    let mine = plugin(&dir, "mine", &[]);
+    let bad = plugin(&dir, "bad", &[("return ASPERITY_CONTINUE;", "return ASPERITY_FAILED;")]);
+    std::fs::create_dir(dir.join("v")).unwrap();
+    write_signal(&dir.join("v/two_2500.sig.npy"), 2500);
     let args = ["compare", "--vectors", "v", "--plugin", &mine, "--plugin", &bad, "--phase", "mine:spread=0"];
-    let text = run(dir.path(), &args).ok().out;
+    let text = run(&dir, &args).ok().out;
     let line = |label: &str| {
         let line = text.lines().find(|l| l.split_whitespace().next() == Some(label));
         line.unwrap_or_else(|| panic!("{label}: {text}")).split_whitespace().nth(1).unwrap().to_owned()
@@ -218,8 +218,8 @@ fn plugins_take_part_and_one_that_fails_is_a_row_that_says_so() {
 
 #[test]
 fn what_is_wrong_is_told_before_anything_is_written() {
-    let dir = tempfile::tempdir().unwrap();
-    let at = |name: &str| dir.path().join(name);
+    let dir = Room::new();
+    let at = |name: &str| dir.join(name);
     for (name, file, shape, value) in [
         ("flat", "x_2500.mag.npy", &[2000][..], 1.0),
         ("deep", "x_2500.sig.npy", &[200, 101], 1.0),
@@ -236,9 +236,9 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         npy::write_f32(std::fs::File::create(at(name).join(file)).unwrap(), shape, &values).unwrap();
     }
     std::fs::create_dir(at("empty")).unwrap();
-    std::fs::write(at("index/index.json"), "{").unwrap();
-    std::fs::write(at("scores/sc.json"), r#"{"sc": {"x_2500": {"a": {"SC_dB": "low"}}}}"#).unwrap();
-    let before = files(dir.path());
+    dir.write("index/index.json", "{");
+    dir.write("scores/sc.json", r#"{"sc": {"x_2500": {"a": {"SC_dB": "low"}}}}"#);
+    let before = dir.files();
     for (args, says) in [
         ("--vectors gone", "cannot read this folder"),
         ("--vectors empty", "there are no vectors in this folder"),
@@ -261,30 +261,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         ("--plugin gone.so", "gone.so"),
     ] {
         let args: Vec<&str> = ["compare", "-q"].into_iter().chain(args.split(' ')).collect();
-        run(dir.path(), &args).refused(says);
-        assert_eq!(files(dir.path()), before, "{args:?}");
+        run(&dir, &args).refused(says);
+        assert_eq!(dir.files(), before, "{args:?}");
     }
-}
-
-#[test]
-fn nothing_that_is_read_is_written_over() {
-    let dir = tempfile::tempdir().unwrap();
-    let plugin = dir.path().join("libtold.so");
-    std::fs::copy(harness::plugins::c("told"), &plugin).unwrap();
-    std::fs::create_dir(dir.path().join("v")).unwrap();
-    let vector = dir.path().join("v/a_2500.mag.npy");
-    std::fs::copy(root().join("tests/data/phase/texture_2500.mag.npy"), &vector).unwrap();
-    let (before, vector_before) = (std::fs::read(&plugin).unwrap(), std::fs::read(&vector).unwrap());
-    let graph = "Graph(version: 1, nodes: {\"s\": (kind: \"stroke\"), \"p\": (kind: \"probe\")}, \
-                 wires: [(\"s\", \"p\")])";
-    std::fs::write(dir.path().join("g.ron"), graph).unwrap();
-    for line in [
-        "compare -q --plugin libtold.so --csv libtold.so",
-        "compare -q --vectors v --svg v/a_2500.mag.npy",
-        "graph g.ron --plugin libtold.so --svg libtold.so",
-        "render g.ron --seconds 0.1 --plugin libtold.so --report libtold.so",
-    ] {
-        run_line(dir.path(), line).refused("");
-    }
-    assert!(std::fs::read(&plugin).unwrap() == before && std::fs::read(&vector).unwrap() == vector_before);
 }

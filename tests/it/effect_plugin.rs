@@ -4,22 +4,16 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use asperity_accuracy::npy;
-use harness::{csv, json, plugins, root, run};
+use harness::{Room, csv, node, plugins, run};
 
 /// The template's effect in every language.
-fn libraries(dir: &Path) -> Vec<PathBuf> {
-    let mut all = vec![plugins::rust("my_effect")];
-    for language in ["c", "cpp"] {
-        let source = root().join(format!("plugins/template/effect/{language}/my_effect.{language}"));
-        let library = dir.join(format!("{language}.so"));
-        plugins::compile(&source, &library, &[]);
-        all.push(library);
-    }
-    all
+fn libraries(dir: &Room) -> Vec<PathBuf> {
+    let [c, cpp] = plugins::templates(dir, "effect", "my_effect");
+    vec![plugins::rust("my_effect"), c, cpp]
 }
 
 /// Writes a scene of a wall with the effect, a wall without, and a stroke over both at 50 mm/s.
-fn scene(dir: &Path, plugin: &Path, settings: &str) {
+fn scene(dir: &Room, plugin: &Path, settings: &str) {
     let surface = |name: &str, x: i32, more: &str| {
         format!(
             "{name:?}: (shape: rectangle(size_mm: (40, 40)), place_mm: ({x}, 0, 0), \
@@ -33,18 +27,18 @@ fn scene(dir: &Path, plugin: &Path, settings: &str) {
         surface("ridges", -20, &format!(",\nmy_effect: {settings}")),
         surface("smooth", 20, ""),
     );
-    std::fs::write(dir.join("s.ron"), text).unwrap();
-    std::fs::write(dir.join("t.csv"), csv(1.5, |t| [-35.0 + 50.0 * t, 0.0, -1.0])).unwrap();
+    dir.write("s.ron", text);
+    dir.write("t.csv", csv(1.5, |t| [-35.0 + 50.0 * t, 0.0, -1.0]));
 }
 
 #[test]
 fn plugin_effect_in_every_language_follows_its_law() {
-    let dir = tempfile::tempdir().unwrap();
-    for library in libraries(dir.path()) {
-        scene(dir.path(), &library, "(force_n: 0.2, spacing_mm: 4)");
-        let args = ["render", "s.ron", "--probe", "my_effect.force=f.npy", "--probe", "contact.place=p.npy"];
-        run(dir.path(), &[&args[..], &["--report", "r.json"]].concat()).ok();
-        let read = |name: &str| npy::read(dir.path().join(name)).unwrap().values.into_f64();
+    let dir = Room::new();
+    for library in libraries(&dir) {
+        scene(&dir, &library, "(force_n: 0.2, spacing_mm: 4)");
+        let probes = "--probe my_effect.force=f.npy --probe contact.place=p.npy";
+        dir.run(&format!("render s.ron {probes} --report r.json")).ok();
+        let read = |name: &str| npy::read(dir.join(name)).unwrap().values.into_f64();
         let (force, place) = (read("f.npy"), read("p.npy"));
         let mut on = 0;
         for (force, place) in force.chunks(3).zip(place.chunks(3)).take(700) {
@@ -55,19 +49,17 @@ fn plugin_effect_in_every_language_follows_its_law() {
         assert!(on > 600, "{on}");
         // On the smooth wall it lets go, and is called no more.
         assert!(force[3 * 1000..].iter().all(|x| *x == 0.0));
-        let report = json(&dir.path().join("r.json"));
-        let nodes = report["nodes"].as_array().unwrap();
-        let node = nodes.iter().find(|node| node["kind"] == "my_effect").unwrap();
-        let (calls, slept) = (node["calls"].as_u64().unwrap(), node["slept"].as_u64().unwrap());
-        assert!((690..720).contains(&calls) && calls + slept == 1500, "{node}");
+        let report = dir.json("r.json");
+        let [calls, slept] = ["calls", "slept"].map(|n| node(&report, "my_effect")[n].as_u64().unwrap());
+        assert!((690..720).contains(&calls) && calls + slept == 1500, "{calls} {slept}");
     }
 }
 
 #[test]
 fn explain_counts_calls_of_a_plugin_effect() {
-    let dir = tempfile::tempdir().unwrap();
-    scene(dir.path(), &plugins::rust("my_effect"), "(force_n: 0.2, spacing_mm: 4)");
-    let ran = run(dir.path(), &["scene", "explain", "s.ron"]).ok();
+    let dir = Room::new();
+    scene(&dir, &plugins::rust("my_effect"), "(force_n: 0.2, spacing_mm: 4)");
+    let ran = dir.run("scene explain s.ron").ok();
     // On the ridges from -35 to 0 mm, then once to let go: 702 of 1500 ticks.
     let starts = |words: &[&str]| {
         let has = |line: &str| line.split_whitespace().take(words.len()).eq(words.iter().copied());
@@ -80,39 +72,39 @@ fn explain_counts_calls_of_a_plugin_effect() {
 // The scene loads with a warning. With `--strict` it is an error.
 #[test]
 fn plugin_effect_beyond_passivity_is_a_warning() {
-    let dir = tempfile::tempdir().unwrap();
-    for library in libraries(dir.path()) {
+    let dir = Room::new();
+    for library in libraries(&dir) {
         // K = 2 pi 5 / 0.5 N/mm needs b > K T / 2 = 31 N s/m at 1 kHz.
-        scene(dir.path(), &library, "(force_n: 5, spacing_mm: 0.5)");
-        run(dir.path(), &["check", "s.ron"]).ok().says(&["my_effect", "62.832 N/mm"]);
-        let ran = run(dir.path(), &["check", "s.ron", "--strict"]);
-        assert_eq!(ran.code, 2, "{}", ran.err);
-        scene(dir.path(), &library, "(force_n: 0.2, spacing_mm: 4)");
-        let ran = run(dir.path(), &["check", "s.ron", "--strict"]).ok();
+        scene(&dir, &library, "(force_n: 5, spacing_mm: 0.5)");
+        dir.run("check s.ron").ok().says(&["my_effect", "62.832 N/mm"]);
+        dir.run("check s.ron --strict").refused("");
+        scene(&dir, &library, "(force_n: 0.2, spacing_mm: 4)");
+        let ran = dir.run("check s.ron --strict").ok();
         assert!(!ran.err.contains("my_effect"), "{}", ran.err);
     }
 }
 
 #[test]
 fn wrong_settings_of_a_plugin_effect_point_at_their_place() {
-    let dir = tempfile::tempdir().unwrap();
-    for library in libraries(dir.path()) {
+    let dir = Room::new();
+    for library in libraries(&dir) {
         for (settings, says) in [
             ("(force_n: 11)", "s.ron:6:22: error: 11 N is out of range"),
             ("(forse_n: 1)", "s.ron:6:13: error: unknown field `forse_n`"),
             ("hard", "s.ron:6:12: error: expected `my_effect(...)`"),
         ] {
-            scene(dir.path(), &library, settings);
-            run(dir.path(), &["check", "s.ron"]).refused(says);
+            scene(&dir, &library, settings);
+            dir.run("check s.ron").refused(says);
         }
     }
 }
 
 #[test]
 fn plugin_effect_passes_every_check_with_its_examples() {
-    let dir = tempfile::tempdir().unwrap();
-    for library in libraries(dir.path()) {
-        let ran = run(dir.path(), &["plugin", "check", library.to_str().unwrap(), "--ticks", "3000"]);
-        assert!(ran.code == 0 && ran.out.contains(" 0 failed"), "{}\n{}", ran.out, ran.err);
+    let dir = Room::new();
+    for library in libraries(&dir) {
+        run(&dir, &["plugin", "check", library.to_str().unwrap(), "--ticks", "3000"])
+            .ok()
+            .says(&[" 0 failed"]);
     }
 }

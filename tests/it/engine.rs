@@ -4,6 +4,7 @@ use asperity_engine::{Engine, FAULTS_BEFORE_QUARANTINE, Options};
 use asperity_graph::compile;
 use asperity_node::{Buffer, Fault};
 use harness::graph;
+use harness::live::largest_step;
 use harness::nodes::{TestClock, registry};
 
 use crate::drive::{audio_of as audio, control_of as control, node};
@@ -16,6 +17,15 @@ fn engine(nodes: &str, wires: &str) -> Engine {
     engine_with(nodes, wires, Options::default())
 }
 
+/// Samples of a node's first output over so many ticks.
+fn heard(e: &mut Engine, id: &str, ticks: usize) -> Vec<f32> {
+    let tick = |_| {
+        e.tick();
+        audio(e, id, 0)
+    };
+    (0..ticks).flat_map(tick).collect()
+}
+
 #[test]
 fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
     for hz in [44_100, 48_000, 96_000, 8_000] {
@@ -24,12 +34,7 @@ fn every_sample_passes_once_and_in_order_at_44100_and_48000() {
              \"p\": (kind: \"probe\")}}, wires: [(\"c.samples\", \"p\")])"
         );
         let mut e = graph::engine(&graph::parsed(text), &registry());
-        let mut count = 0;
-        for _ in 0..7000 {
-            e.tick();
-            count += audio(&e, "c", 0).len();
-        }
-        assert_eq!(count, 10 * hz, "{hz} Hz");
+        assert_eq!(heard(&mut e, "c", 7000).len(), 10 * hz, "{hz} Hz");
     }
 }
 
@@ -47,7 +52,7 @@ fn a_nan_fades_within_10_ms_and_the_rest_goes_on() {
         assert_eq!(audio(&e, "c", 0)[0], (tick * 96) as f32, "the counter must go on");
     }
     assert!(out.iter().all(|x| x.is_finite()));
-    let step = out.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+    let step = largest_step(&out);
     assert!(step < 1.5 / 480.0, "step {step}: a fade over 480 samples has steps of 1/480");
     let silent = out.iter().position(|x| *x == 0.0).expect("it fades to nothing");
     assert!((10 * 96..=10 * 96 + 480).contains(&silent), "10 ms are 480 samples: {silent}");
@@ -136,10 +141,7 @@ fn a_node_wakes_as_it_says() {
     {
         let nodes = format!("c: counter; m: memory_{kind}; g: test_gate; p: probe");
         let mut e = engine(&nodes, "c.samples -> m -> g -> p");
-        for _ in 0..7 {
-            e.tick();
-        }
-        assert_eq!(audio(&e, "g", 0)[0], after, "{kind}");
+        assert_eq!(heard(&mut e, "g", 7)[6 * 96], after, "{kind}");
     }
 }
 
@@ -147,26 +149,19 @@ fn a_node_wakes_as_it_says() {
 fn the_output_is_the_same_whether_nodes_sleep_or_not() {
     let nodes = "c: counter; m: memory_restart; g: test_gate; p: probe";
     let wires = "c.samples -> m -> g -> p";
-    let mut sleeping = engine(nodes, wires);
-    let mut awake = engine_with(nodes, wires, Options { sleep: false, ..Options::default() });
-    for tick in 0..12 {
-        sleeping.tick();
-        awake.tick();
-        assert_eq!(audio(&sleeping, "g", 0), audio(&awake, "g", 0), "tick {tick}");
-    }
-    assert_eq!(awake.report(node(&awake, "m")).unwrap().calls, 12);
-    assert_eq!(sleeping.report(node(&sleeping, "m")).unwrap().calls, 9);
+    let [sleeping, awake] = [true, false].map(|sleep| {
+        let mut e = engine_with(nodes, wires, Options { sleep, ..Options::default() });
+        (heard(&mut e, "g", 12), e.report(node(&e, "m")).unwrap().calls)
+    });
+    assert_eq!(sleeping.0, awake.0);
+    assert_eq!((sleeping.1, awake.1), (9, 12));
 }
 
 #[test]
 fn a_node_that_dozes_is_woken_by_its_input() {
     let nodes = "f: faulty; g: test_gate(close: 2, open: 8); d: dozer; p: probe";
     let mut e = engine(nodes, "f.audio -> g -> d -> p");
-    let mut levels = Vec::new();
-    for _ in 0..10 {
-        e.tick();
-        levels.push(audio(&e, "d", 0)[5]);
-    }
+    let levels: Vec<f32> = heard(&mut e, "d", 10).into_iter().skip(5).step_by(96).collect();
     assert_eq!(levels, [2.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 2.0]);
     // Two loud ticks, one in which it falls asleep, two after it was woken.
     assert_eq!(e.report(node(&e, "d")).unwrap().calls, 5);
@@ -190,11 +185,7 @@ fn a_delay_is_exact_in_and_out_of_a_cycle() {
         let samples = (ms * 48.0_f64).round() as usize;
         let nodes = format!("c: counter; d: delay(delay_ms: {ms:?}); p: probe");
         let mut e = engine(&nodes, "c.samples -> d -> p");
-        let mut out = Vec::new();
-        for _ in 0..30 {
-            e.tick();
-            out.extend(audio(&e, "d", 0));
-        }
+        let out = heard(&mut e, "d", 30);
         let expected: Vec<f32> = (0..out.len()).map(|i| i.saturating_sub(samples) as f32).collect();
         assert_eq!(out, expected, "{ms} ms");
     }
@@ -226,13 +217,8 @@ fn what_would_chop_the_signal_may_not_run_every_kth_tick() {
 
 #[test]
 fn a_fault_before_falling_asleep_leaves_no_buzz() {
-    let mut e = engine("f: sleeper; p: probe", "f -> p");
-    let mut out = Vec::new();
-    for _ in 0..40 {
-        e.tick();
-        out.extend(audio(&e, "f", 0));
-    }
-    let step = out.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+    let out = heard(&mut engine("f: sleeper; p: probe", "f -> p"), "f", 40);
+    let step = largest_step(&out);
     assert!(step < 1.5 / 480.0, "step {step}");
     assert!(out[20 * 96..].iter().all(|x| *x == 0.0));
 }
@@ -277,14 +263,8 @@ fn a_mark_does_not_outlive_the_sleep_of_its_node() {
 fn a_tail_rings_out_after_the_input_and_no_longer() {
     let nodes = "f: faulty; g: test_gate(close: 5, open: 50); t: tail3; p: probe";
     let mut e = engine(nodes, "f.audio -> g -> t -> p");
-    let mut loud = Vec::new();
-    for tick in 0..20 {
-        e.tick();
-        if audio(&e, "t", 0)[0] != 0.0 {
-            loud.push(tick);
-        }
-    }
-    assert_eq!(loud, (0..8).collect::<Vec<_>>(), "five loud ticks and a tail of three");
+    let loud = heard(&mut e, "t", 20).iter().rposition(|x| *x != 0.0);
+    assert_eq!(loud, Some(8 * 96 - 1), "five loud ticks and a tail of three");
 }
 
 /// Loudest sample of each tick at the output of `last`, fed by a wave that rests on a control which fails in
@@ -295,12 +275,8 @@ fn level_after_a_failing_control(last: &str) -> Vec<f32> {
          p: probe"
     );
     let wires = "n.audio -> w.in; f.control -> w.control; w -> last -> p";
-    let mut e = engine(&nodes, wires);
-    let tick = |_| {
-        e.tick();
-        audio(&e, "last", 0).iter().fold(0.0_f32, |m, x| m.max(x.abs()))
-    };
-    (0..300).map(tick).collect()
+    let heard = heard(&mut engine(&nodes, wires), "last", 300);
+    heard.chunks(96).map(|tick| tick.iter().fold(0.0_f32, |m, x| m.max(x.abs()))).collect()
 }
 
 #[test]
@@ -328,14 +304,13 @@ fn a_mix_adds_audio_and_controls_each_with_its_gain() {
 
 #[test]
 fn after_a_reset_the_same_samples_come_again() {
-    let nodes = "s: stroke; v: velocity; p: probe";
-    let mut e = engine(nodes, "s -> v; v.speed -> p");
+    let mut e = engine("s: stroke; v: velocity; p: probe", "s -> v; v.speed -> p");
     let mut run = || {
-        let mut out = Vec::new();
-        for _ in 0..500 {
+        let tick = |_| {
             e.tick();
-            out.push(control(&e, "v", 1).0[0].to_bits());
-        }
+            control(&e, "v", 1).0[0].to_bits()
+        };
+        let out: Vec<u64> = (0..500).map(tick).collect();
         e.reset();
         out
     };
@@ -360,7 +335,7 @@ fn slow_call_fades_out_is_counted_and_quarantined() {
         assert_eq!(control(&e, "s", 1), (vec![held], tick < 10), "tick {tick}");
         assert_eq!(audio(&e, "q", 0)[95], 1.0, "the quick one goes on");
     }
-    let step = out.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+    let step = largest_step(&out);
     assert!(step < 1.5 / 480.0, "step {step}");
     assert_eq!((out[10 * 96 - 1], out[15 * 96]), (1.0, 0.0), "10 ms from the first tick that was late");
     let slow = e.report(node(&e, "s")).unwrap();

@@ -1,12 +1,15 @@
 //! The same bits on every CPU: the shipped graphs rendered with every instruction set there is, and on an
 //! emulated CPU that has few.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use asperity_diagnostics::ron::Kind;
+use asperity_graph::{GraphFile, NodeDecl, Setting};
+use harness::graph::lowered;
 use harness::servers::skipped;
-use harness::{asperity, graphs, retrieving, root, run};
+use harness::{Ran, Room, asperity, graphs, retrieving, root};
 
 /// Long enough for the hand to stroke, short enough for an emulator.
 const SECONDS: &str = "2";
@@ -47,7 +50,7 @@ fn renders() -> BTreeMap<String, Vec<String>> {
 }
 
 /// The samples of a render as a hash; none where they are all silent, which would prove nothing.
-fn hash(mut program: Command, dir: &Path, args: &[String]) -> u32 {
+fn hash(mut program: Command, dir: &Room, args: &[String]) -> u32 {
     let wav = dir.join("out.wav");
     program.arg("render").args(args).args(["--seconds", SECONDS, "--out"]).arg(&wav);
     let out = program.output().expect("the program starts");
@@ -67,26 +70,40 @@ fn kept() -> BTreeMap<String, u32> {
     text.lines().filter(|l| !l.starts_with('#')).map(line).collect()
 }
 
-/// The instruction sets that this CPU has.
-fn instructions() -> Vec<&'static str> {
-    let all = asperity_dsp::Isa::available().map(asperity_dsp::Isa::name);
-    all.collect()
+/// Kinds of the nodes of a graph or scene, and words that they are set to.
+fn kinds(args: &[String]) -> BTreeSet<String> {
+    let path = Path::new(&args[0]);
+    let scene = path.parent().is_some_and(|folder| folder.ends_with("scenes"));
+    let mut graph = if scene { lowered(path) } else { GraphFile::read(path).expect("a shipped graph") };
+    args.iter().filter(|arg| arg.contains('=')).for_each(|set| graph.set(set, "test").expect("a setting"));
+    let words = |node: &NodeDecl| {
+        let word = |p: &&Setting| matches!(p.value.kind(), Kind::Word(_) | Kind::Text(_));
+        let words = node.params.iter().filter(|p| p.name != "material").filter(word);
+        words.map(|p| format!("{} {}: {}", node.kind, p.name, p.value)).collect::<Vec<_>>()
+    };
+    let words = graph.nodes.iter().flat_map(words).filter(|word| !word.contains(['/', '[']));
+    words.chain(graph.nodes.iter().map(|node| node.kind.clone())).collect()
 }
 
+/// Of renders with the same nodes one, the richest first.
+fn different() -> Vec<(String, Vec<String>)> {
+    let mut all: Vec<_> = renders().into_iter().map(|(name, args)| (kinds(&args), name, args)).collect();
+    all.sort_by_key(|(kinds, name, _)| (std::cmp::Reverse(kinds.len()), name.clone()));
+    let mut seen = BTreeSet::new();
+    all.retain(|(kinds, ..)| {
+        let new = !kinds.is_subset(&seen);
+        seen.extend(kinds.iter().cloned());
+        new
+    });
+    all.into_iter().map(|(_, name, args)| (name, args)).collect()
+}
+
+/// All of them on the best instruction set, and on the others those with other nodes.
 #[test]
 fn shipped_renders_have_the_kept_bits_on_every_instruction_set() {
-    let dir = tempfile::tempdir().unwrap();
-    let mut found = BTreeMap::new();
-    for (name, args) in renders() {
-        let hashes = instructions().into_iter().map(|isa| {
-            let mut program = asperity(dir.path());
-            program.env("ASPERITY_ISA", isa);
-            (isa, hash(program, dir.path(), &args))
-        });
-        let hashes: Vec<_> = hashes.collect();
-        assert!(hashes.iter().all(|h| h.1 == hashes[0].1), "{name} differs: {hashes:x?}");
-        found.insert(name, hashes[0].1);
-    }
+    let dir = Room::new();
+    let found: BTreeMap<String, u32> =
+        renders().into_iter().map(|(name, args)| (name, hash(asperity(&dir), &dir, &args))).collect();
     if std::env::var_os("ASPERITY_WRITE_RENDERS").is_some() {
         let mut text =
             String::from("# CRC-32 of the samples of the shipped renders, the same on every CPU.\n");
@@ -100,18 +117,25 @@ fn shipped_renders_have_the_kept_bits_on_every_instruction_set() {
         changed.is_empty() && found.len() == kept.len(),
         "these sound otherwise than before: {changed:?}. If that is meant, ASPERITY_WRITE_RENDERS=1 keeps it."
     );
+    for (name, args) in different() {
+        for isa in asperity_dsp::Isa::available().skip(1).map(asperity_dsp::Isa::name) {
+            let mut program = asperity(&dir);
+            program.env("ASPERITY_ISA", isa);
+            assert_eq!(hash(program, &dir, &args), found[&name], "{name} differs on {isa}");
+        }
+    }
 }
 
+/// An emulator is slow: two at a time.
 #[test]
 fn shipped_renders_have_the_kept_bits_on_a_cpu_of_2008() {
     let Some(emulator) = emulator() else { return };
-    let (mut all, kept) = (renders(), kept());
-    // These differ from others by their hand only, and an emulator is slow: two at a time.
-    all.retain(|name, _| !HANDS.contains(&name.as_str()));
+    let (all, kept) = (different(), kept());
     let check = |part: usize| {
-        let dir = tempfile::tempdir().unwrap();
+        let dir = Room::new();
         for (name, args) in all.iter().skip(part).step_by(2) {
-            let hash = hash(on_old_cpu(&emulator, dir.path()), dir.path(), args);
+            println!("{name}");
+            let hash = hash(on_old_cpu(&emulator, &dir), &dir, args);
             assert_eq!(Some(&hash), kept.get(name), "{name} differs");
         }
     };
@@ -125,24 +149,24 @@ fn shipped_renders_have_the_kept_bits_on_a_cpu_of_2008() {
 #[test]
 fn network_by_tract_stays_within_its_tolerance_on_an_old_cpu() {
     let Some(emulator) = emulator() else { return };
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     let graph = graphs("heravi2024.ron").display().to_string();
     let render = |mut program: Command, name: &str| {
         program.args(["render", &graph, "--set", "texture.executor=tract"]);
         program.args(["--seconds", SECONDS, "--out", name]);
         let out = program.output().expect("the program starts");
         assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
-        harness::wav(&dir.path().join(name)).0
+        dir.wav(name).0
     };
-    let old = on_old_cpu(&emulator, dir.path());
-    let (here, there) = (render(asperity(dir.path()), "here.wav"), render(old, "there.wav"));
+    let old = on_old_cpu(&emulator, &dir);
+    let (here, there) = (render(asperity(&dir), "here.wav"), render(old, "there.wav"));
     let peak = here.iter().fold(0.0_f32, |peak, x| peak.max(x.abs()));
     let off = here.iter().zip(&there).fold(0.0_f32, |off, (a, b)| off.max((a - b).abs()));
     assert!(peak > 0.01 && here.len() == there.len() && off < 1e-4 * peak, "{off} of {peak}");
 }
 
 /// The program on the emulated CPU.
-fn on_old_cpu(emulator: &Path, dir: &Path) -> Command {
+fn on_old_cpu(emulator: &Path, dir: &Room) -> Command {
     let mut program = Command::new(emulator);
     program.args(["-cpu", OLD_CPU]).arg(asperity(dir).get_program());
     program.current_dir(dir).env("ASPERITY_STATE", "");
@@ -165,34 +189,31 @@ fn emulator() -> Option<PathBuf> {
 
 #[test]
 fn report_says_which_instructions_computed_it() {
-    let dir = tempfile::tempdir().unwrap();
-    let graph = graphs("heravi2024.ron").display().to_string();
-    let args = ["render", &graph, "--seconds", "0.1", "--report", "r.json", "--portable"];
-    let ran = run(dir.path(), &args).ok();
-    assert!(ran.out.contains("by portable; every CPU gives the same bits"), "{}", ran.out);
-    assert_eq!(harness::json(&dir.path().join("r.json"))["instructions"], "portable");
+    let dir = Room::new();
+    dir.run("render graphs/heravi2024.ron --seconds 0.1 --report r.json --portable")
+        .ok()
+        .says(&["by portable; every CPU gives the same bits"]);
+    assert_eq!(dir.json("r.json")["instructions"], "portable");
     // By tract other CPUs may give other bits, and that is said.
-    let ran =
-        run(dir.path(), &["render", &graph, "--seconds", "0.1", "--set", "texture.executor=tract"]).ok();
-    assert!(ran.out.contains("`texture` runs by tract, which other CPUs round otherwise"), "{}", ran.out);
+    dir.run("render graphs/heravi2024.ron --seconds 0.1 --set texture.executor=tract")
+        .ok()
+        .says(&["`texture` runs by tract, which other CPUs round otherwise"]);
 }
 
 #[test]
 fn weights_of_any_precision_run_without_vector_instructions() {
-    let dir = tempfile::tempdir().unwrap();
-    let graph = graphs("heravi2024.ron").display().to_string();
+    let dir = Room::new();
     for precision in ["f16", "int8"] {
         let set = format!("texture.precision={precision}");
-        let ran = run(dir.path(), &["render", &graph, "--seconds", "0.1", "--portable", "--set", &set]).ok();
-        assert!(ran.out.contains(&format!("packed {precision} on portable")), "{}", ran.out);
+        dir.run(&format!("render graphs/heravi2024.ron --seconds 0.1 --portable --set {set}"))
+            .ok()
+            .says(&[&format!("packed {precision} on portable")]);
     }
 }
 
 #[test]
 fn unknown_instruction_set_is_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let out = asperity(dir.path()).args(["nodes"]).env("ASPERITY_ISA", "avx3").output().unwrap();
-    let err = String::from_utf8_lossy(&out.stderr);
-    assert_eq!(out.status.code(), Some(2), "{err}");
-    assert!(err.contains("ASPERITY_ISA: error: there is no instruction set `avx3`"), "{err}");
+    let dir = Room::new();
+    Ran::of(&asperity(&dir).args(["nodes"]).env("ASPERITY_ISA", "avx3").output().unwrap())
+        .refused("ASPERITY_ISA: error: there is no instruction set `avx3`");
 }

@@ -3,6 +3,7 @@
 use asperity_engine::{Controller, Engine};
 use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Registry};
+use harness::Room;
 
 use crate::drive::{audio_of, control_of, node};
 
@@ -275,8 +276,8 @@ fn a_hand_that_is_first_heard_of_has_not_flown_there() {
 
 #[test]
 fn wall_reached_over_lost_ticks_or_a_gap_is_no_faster() {
-    let dir = tempfile::tempdir().unwrap();
-    let scene = dir.path().join("floor.ron");
+    let dir = Room::new();
+    let scene = dir.join("floor.ron");
     std::fs::write(
         &scene,
         "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, \

@@ -3,32 +3,30 @@
 mod stroke;
 
 use std::f64::consts::TAU;
-use std::path::Path;
 
 use asperity_autoregressive::{Filter, Model, TextureFile};
-use harness::{Ran, files, graphs, json, run, run_line};
+use harness::{Ran, Room, graphs, run};
 use serde_json::Value;
 use stroke::{COLUMNS, row, stroke, table, table_of, write_npy};
 
 /// A folder with the stroke as a table.
-fn folder() -> tempfile::TempDir {
-    let dir = tempfile::tempdir().expect("a folder");
-    std::fs::write(dir.path().join("s.csv"), table(COLUMNS, row)).expect("a file");
+fn folder() -> Room {
+    let dir = Room::new();
+    dir.write("s.csv", table(COLUMNS, row));
     dir
 }
 
-fn fit(dir: &Path, args: &[&str]) -> Ran {
-    run(dir, &[&["fit-ar"], args].concat())
+fn fit(dir: &Room, line: &str) -> Ran {
+    dir.run(&format!("fit-ar {line}"))
 }
 
-fn read(dir: &Path, name: &str) -> TextureFile {
+fn read(dir: &Room, name: &str) -> TextureFile {
     TextureFile::read(dir.join(name)).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// JSON that a command prints.
-fn told(dir: &Path, args: &[&str]) -> Value {
-    let out = fit(dir, &[args, &["--json"]].concat()).ok().out;
-    serde_json::from_str(&out).unwrap_or_else(|e| panic!("{e}: {out}"))
+fn told(dir: &Room, line: &str) -> Value {
+    fit(dir, &format!("{line} --json")).json()
 }
 
 /// `var gain^2 |B / A|^2` at a frequency, as it is written down.
@@ -83,10 +81,10 @@ const WITHIN_DB: f64 = 1.5;
 #[test]
 fn the_models_that_were_rendered_are_found_again() {
     let dir = folder();
-    let about = ["s.csv", "--out", "m.ron", "--description", "Ribs \"of\" cloth."];
-    let ran = fit(dir.path(), &[&about[..], &["--plot", "m.svg"]].concat()).ok();
-    assert_eq!(files(dir.path()), ["m.ron", "m.svg", "s.csv"]);
-    let file = read(dir.path(), "m.ron");
+    let about = "s.csv --out m.ron --description 'Ribs \"of\" cloth.'";
+    let ran = fit(&dir, &format!("{about} --plot m.svg")).ok();
+    assert_eq!(dir.files(), ["m.ron", "m.svg", "s.csv"]);
+    let file = read(&dir, "m.ron");
     assert_eq!(file.description, "Ribs \"of\" cloth.");
     let origin = file.origin.strip_prefix("Fitted by `asperity fit-ar` to ");
     let seconds = origin.and_then(|o| o.strip_suffix(" s of s.csv.")).and_then(|s| s.parse::<f64>().ok());
@@ -107,30 +105,30 @@ fn the_models_that_were_rendered_are_found_again() {
         "/m.svg\n",
     ]);
     assert_eq!(ran.err, "", "nothing to warn of");
-    let svg = std::fs::read_to_string(dir.path().join("m.svg")).expect("a picture");
+    let svg = dir.text("m.svg");
     assert!(svg.starts_with("<svg") && svg.contains("A texture fitted to s.csv") && svg.contains("within "));
 
     // The same recording gives the same bytes, in the place of what was there.
-    let before = std::fs::read(dir.path().join("m.ron")).expect("a file");
-    std::fs::write(dir.path().join("m.ron"), "old").expect("a file");
-    fit(dir.path(), &about).ok();
-    assert_eq!(std::fs::read(dir.path().join("m.ron")).expect("a file"), before);
+    let before = dir.bytes("m.ron");
+    dir.write("m.ron", "old");
+    fit(&dir, about).ok();
+    assert_eq!(dir.bytes("m.ron"), before);
 }
 
 #[test]
 #[ignore = "draws docs/autoregressive.svg"]
 fn the_picture_of_the_documentation() {
-    let dir = tempfile::tempdir().expect("a folder");
-    std::fs::write(dir.path().join("rough.csv"), table(COLUMNS, row)).expect("a file");
+    let dir = Room::new();
+    dir.write("rough.csv", table(COLUMNS, row));
     let picture = harness::root().join("docs/autoregressive.svg").display().to_string();
-    fit(dir.path(), &["rough.csv", "--out", "m.ron", "--plot", &picture]).ok();
+    fit(&dir, &format!("rough.csv --out m.ron --plot {picture}")).ok();
 }
 
 #[test]
 fn what_is_printed_as_json_is_what_was_found() {
     let dir = folder();
-    let told = told(dir.path(), &["s.csv", "--out", "m.ron", "--by", "bic", "--max-order", "12"]);
-    let file = read(dir.path(), "m.ron");
+    let told = told(&dir, "s.csv --out m.ron --by bic --max-order 12");
+    let file = read(&dir, "m.ron");
     assert_eq!(told["models"].as_array().map(Vec::len), Some(9));
     assert!(told["criterion"] == "BIC" && told["model_hz"] == 1000.0 && told["axes"] == 1, "{told}");
     assert_eq!(told["order"], file.texture.models()[0].ar.len());
@@ -164,46 +162,43 @@ fn what_is_printed_as_json_is_what_was_found() {
     }
     let level = 10.0 * (power("rendered_m_s2") / recorded).log10();
     assert!((number(&told["all"]["level_off_db"]) - level).abs() < 1e-6 && level.abs() < 0.3, "{level} dB");
-    let written = dir.path().canonicalize().expect("a folder").join("m.ron");
+    let written = dir.canonicalize().expect("a folder").join("m.ron");
     assert_eq!(told["written"], serde_json::json!([written]));
     // A file as well as a terminal can hold it.
-    std::fs::write(dir.path().join("t.json"), told.to_string()).expect("a file");
-    assert_eq!(json(&dir.path().join("t.json")), told);
+    dir.write("t.json", told.to_string());
+    assert_eq!(dir.json("t.json"), told);
 }
 
 #[test]
 fn options_are_taken_to_the_fit() {
     let dir = folder();
-    let of = |more: &[&str]| told(dir.path(), &[&["s.csv", "--out", "m.ron"], more].concat());
-    let given = of(&["--order", "5", "--most-models", "3", "--high-pass-hz", "20"]);
+    let of = |more: &str| told(&dir, &format!("s.csv --out m.ron {more}"));
+    let given = of("--order 5 --most-models 3 --high-pass-hz 20");
     assert!(given["order"] == 5 && given["criterion"].is_null() && given["high_pass_hz"] == 20.0, "{given}");
-    assert!(read(dir.path(), "m.ron").texture.models().len() <= 3);
-    fit(dir.path(), &["s.csv", "--out", "m.ron", "--order", "5"])
-        .ok()
-        .says(&["order         5, as asked for"]);
+    assert!(read(&dir, "m.ron").texture.models().len() <= 3);
+    fit(&dir, "s.csv --out m.ron --order 5").ok().says(&["order         5, as asked for"]);
     // Faster than 150 mm/s, and pressed harder than 2 N: one model of the nine.
-    let some = of(&["--least-speed-mm-s", "150", "--least-force-n", "2"]);
+    let some = of("--least-speed-mm-s 150 --least-force-n 2");
     assert_eq!(some["models"].as_array().map(Vec::len), Some(1), "{some:#}");
     assert!(some["dropped"].as_array().expect("a list").iter().any(|d| d["why"] == "slow"));
     assert_eq!(some["triangles"], serde_json::json!([]));
     // Wide tolerances join all that there is.
-    let wide = of(&["--speed-tolerance-mm-s", "500", "--force-tolerance-n", "9"]);
+    let wide = of("--speed-tolerance-mm-s 500 --force-tolerance-n 9");
     assert_eq!(wide["models"].as_array().map(Vec::len), Some(1));
-    let slow = of(&["--model-hz", "500", "--shortest-s", "1", "--tolerance-percent", "10"]);
-    assert_eq!(read(dir.path(), "m.ron").texture.rate_hz(), 500.0);
+    let slow = of("--model-hz 500 --shortest-s 1 --tolerance-percent 10");
+    assert_eq!(read(&dir, "m.ron").texture.rate_hz(), 500.0);
     assert_eq!(slow["all"]["bands"].as_array().map(Vec::len), Some(10));
     assert!(slow["segments"].as_array().expect("a list").iter().all(|s| s["length_s"].as_f64() >= Some(1.0)));
 }
 
-const NPY: [&str; 4] = ["--columns", "speed_mm_s,none,force_n,acceleration_m_s2", "--rate-hz", "1000"];
-
 #[test]
 fn arrays_and_wav_files_are_fitted_as_tables_are() {
     let dir = folder();
-    fit(dir.path(), &["s.csv", "--out", "a.ron"]).ok();
-    write_npy(&dir.path().join("s.npy"));
-    fit(dir.path(), &[&["s.npy", "--out", "b.ron"], &NPY[..]].concat()).ok();
-    let (table, array) = (read(dir.path(), "a.ron"), read(dir.path(), "b.ron"));
+    fit(&dir, "s.csv --out a.ron").ok();
+    write_npy(&dir.join("s.npy"));
+    let columns = "--columns speed_mm_s,none,force_n,acceleration_m_s2";
+    fit(&dir, &format!("s.npy --out b.ron {columns} --rate-hz 1000")).ok();
+    let (table, array) = (read(&dir, "a.ron"), read(&dir, "b.ron"));
     assert_eq!(table.texture, array.texture);
     let spec = hound::WavSpec {
         channels: 3,
@@ -211,7 +206,7 @@ fn arrays_and_wav_files_are_fitted_as_tables_are() {
         bits_per_sample: 32,
         sample_format: hound::SampleFormat::Float,
     };
-    let mut writer = hound::WavWriter::create(dir.path().join("s.wav"), spec).expect("a file");
+    let mut writer = hound::WavWriter::create(dir.join("s.wav"), spec).expect("a file");
     for n in 0..stroke().force.len() {
         for (x, full) in row(n).into_iter().zip([10.0, 500.0, 50.0]) {
             writer.write_sample((x / full) as f32).expect("a sample");
@@ -220,12 +215,11 @@ fn arrays_and_wav_files_are_fitted_as_tables_are() {
     writer.finalize().expect("a file");
     let channel = |(name, full): (&str, f64)| format!("(quantity: \"{name}\", full_scale: {full:?}),");
     let names = [("force_n", 10.0), ("speed_mm_s", 500.0), ("acceleration_m_s2", 50.0)].map(channel).concat();
-    std::fs::write(dir.path().join("recording.ron"), format!("Recording(channels: [{names}])"))
-        .expect("a file");
-    fit(dir.path(), &["s.wav", "--out", "c.ron"]).ok();
-    same_models(&read(dir.path(), "c.ron"));
+    dir.write("recording.ron", format!("Recording(channels: [{names}])"));
+    fit(&dir, "s.wav --out c.ron").ok();
+    same_models(&read(&dir, "c.ron"));
     // The file that names the channels is not to be lost.
-    fit(dir.path(), &["s.wav", "--out", "recording.ron"]).refused("this file is read");
+    fit(&dir, "s.wav --out recording.ron").refused("this file is read");
 }
 
 #[test]
@@ -241,13 +235,13 @@ fn a_tool_that_shakes_askew_is_as_loud() {
         let a = stroke().acceleration[n] / 7.0;
         vec![stroke().force[n], 0.6 * places[n], -0.8 * places[n], 2.0 * a, -3.0 * a, 6.0 * a + 9.81]
     });
-    std::fs::write(dir.path().join("axes.csv"), text).expect("a file");
-    fit(dir.path(), &["axes.csv", "--out", "m.ron"]).ok().says(&["3 axes of acceleration"]);
-    same_models(&read(dir.path(), "m.ron"));
+    dir.write("axes.csv", text);
+    fit(&dir, "axes.csv --out m.ron").ok().says(&["3 axes of acceleration"]);
+    same_models(&read(&dir, "m.ron"));
 }
 
 /// Samples of a scene whose surface has the texture `m.ron`, with these settings.
-fn rendered(dir: &Path, settings: &str) -> Vec<f32> {
+fn rendered(dir: &Room, settings: &str) -> Vec<f32> {
     let stroke = graphs("trajectories/zigzag.csv").display().to_string();
     let scene = format!(
         "Scene(version: 1, input: trajectory(file: {stroke:?}), \
@@ -255,17 +249,17 @@ fn rendered(dir: &Path, settings: &str) -> Vec<f32> {
          surfaces: {{\"cloth\": (shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), \
          texture: autoregressive(model: \"m.ron\"{settings})))}})"
     );
-    std::fs::write(dir.join("scene.ron"), scene).expect("a file");
-    run(dir, &["render", "scene.ron", "--seconds", "3", "--out", "o.wav"]).ok();
-    harness::wav(&dir.join("o.wav")).0
+    dir.write("scene.ron", scene);
+    dir.run("render scene.ron --seconds 3 --out o.wav").ok();
+    dir.wav("o.wav").0
 }
 
 #[test]
 fn a_scene_renders_what_was_fitted() {
     let dir = folder();
-    fit(dir.path(), &["s.csv", "--out", "m.ron"]).ok();
+    fit(&dir, "s.csv --out m.ron").ok();
     let [twice, once] = ["0.2", "0.1"].map(|gain| {
-        let samples = rendered(dir.path(), &format!(", gain: {gain}"));
+        let samples = rendered(&dir, &format!(", gain: {gain}"));
         samples.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / samples.len() as f64
     });
     assert!(once > 0.0 && (twice / once / 4.0 - 1.0).abs() < 0.1, "{twice} and {once}");
@@ -274,7 +268,7 @@ fn a_scene_renders_what_was_fitted() {
 #[test]
 fn a_band_that_is_far_off_is_warned_of() {
     let dir = folder();
-    let ran = fit(dir.path(), &["s.csv", "--out", "m.ron", "--order", "1"]).ok();
+    let ran = fit(&dir, "s.csv --out m.ron --order 1").ok();
     let said = ran.err.strip_prefix("warning: the band at ").unwrap_or_else(|| panic!("{}", ran.err));
     let (hz, rest) = said.split_once(" Hz is rendered ").unwrap_or_else(|| panic!("{said}"));
     let (db, rest) = rest.split_once(" dB off").unwrap_or_else(|| panic!("{rest}"));
@@ -284,14 +278,14 @@ fn a_band_that_is_far_off_is_warned_of() {
     let told = ran.out.split_once("dB, at most ").and_then(|(_, rest)| rest.split_once(" dB"));
     let told = told.and_then(|(db, _)| db.parse::<f64>().ok());
     assert!(told.is_some_and(|told| (told - db).abs() < 0.051), "{said}{}", ran.out);
-    assert!(files(dir.path()) == ["m.ron", "s.csv"]);
-    assert_eq!(read(dir.path(), "m.ron").texture.models()[0].ar.len(), 1);
+    assert!(dir.files() == ["m.ron", "s.csv"]);
+    assert_eq!(read(&dir, "m.ron").texture.models()[0].ar.len(), 1);
 }
 
 /// Three corners at which nothing sounds, around all that the stroke does, and a loud one beyond.
 #[test]
 fn scene_between_models_without_variance_is_silent() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     let peak = |silent: f64| {
         let corner = |(speed, force, variance): (f64, f64, f64)| {
             format!(
@@ -305,8 +299,8 @@ fn scene_between_models_without_variance_is_silent() {
             "Autoregressive(version: 1, description: \"d\", origin: \"o\", rate_hz: 1000, \
              models: [{models}], triangles: [[0, 1, 2], [1, 2, 3]])"
         );
-        std::fs::write(dir.path().join("m.ron"), text).expect("a file");
-        rendered(dir.path(), "").iter().fold(0.0f32, |m, x| m.max(x.abs()))
+        dir.write("m.ron", text);
+        rendered(&dir, "").iter().fold(0.0f32, |m, x| m.max(x.abs()))
     };
     assert_eq!(peak(0.0), 0.0);
     assert!(peak(1e-6) > 0.0);
@@ -314,11 +308,11 @@ fn scene_between_models_without_variance_is_silent() {
 
 #[test]
 fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let at = |name: &str| dir.path().join(name);
+    let dir = Room::new();
+    let at = |name: &str| dir.join(name);
     // Three seconds will do.
     let good = table(COLUMNS, row).lines().take(3002).collect::<Vec<_>>().join("\n") + "\n";
-    let write = |name: &str, text: &str| std::fs::write(at(name), text).expect("a file");
+    let write = |name: &str, text: &str| dir.write(name, text);
     let changed = |name: &str, line: usize, by: &dyn Fn(&str) -> String| {
         let lines = good.lines().enumerate();
         let changed = lines.map(|(i, l)| if i + 1 == line { by(l) } else { l.to_owned() } + "\n");
@@ -341,7 +335,7 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     write("header.csv", &first(0));
     write("one.csv", &first(1));
     write("brief.csv", &first(100));
-    std::fs::write(at("s.mat"), b"MATLAB 5.0 \xff\xfe\x00").expect("a file");
+    dir.write("s.mat", b"MATLAB 5.0 \xff\xfe\x00");
     write("empty.csv", "");
     write("bad.npy", "no array");
     write("alone.wav", "RIFF");
@@ -349,7 +343,7 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     write("mine.ron", "mine");
     std::fs::create_dir(at("folder")).expect("a folder");
     let before: Vec<(String, Option<Vec<u8>>)> =
-        files(dir.path()).into_iter().map(|f| (f.clone(), std::fs::read(at(&f)).ok())).collect();
+        dir.files().into_iter().map(|f| (f.clone(), std::fs::read(at(&f)).ok())).collect();
     for (args, said) in [
         ("nothing.csv", "nothing.csv: error: cannot read"),
         ("folder", "folder: error: "),
@@ -399,12 +393,12 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         ("s.csv --plot no/p.svg", "--plot names this file"),
         ("", "RECORDING"),
     ] {
-        let ran = run_line(dir.path(), &format!("fit-ar {args} --out mine.ron")).refused(said);
+        let ran = fit(&dir, &format!("{args} --out mine.ron")).refused(said);
         assert!(ran.out.is_empty(), "{args}: {}", ran.out);
         for (name, bytes) in &before {
             assert_eq!(&std::fs::read(at(name)).ok(), bytes, "{args} changed {name}");
         }
-        assert_eq!(files(dir.path()).len(), before.len(), "{args}: {:?}", files(dir.path()));
+        assert_eq!(dir.files().len(), before.len(), "{args}: {:?}", dir.files());
     }
     for (out, said) in [
         ("s.csv", "would be overwritten by --out"),
@@ -413,9 +407,9 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
         ("no/m.ron", "--out names this file"),
         ("folder", "--out"),
     ] {
-        fit(dir.path(), &["s.csv", "--out", out]).refused(said);
-        assert_eq!(files(dir.path()).len(), before.len());
+        fit(&dir, &format!("s.csv --out {out}")).refused(said);
+        assert_eq!(dir.files().len(), before.len());
     }
-    fit(dir.path(), &["s.csv", "--out", "mine.ron"]).ok();
-    assert_eq!(read(dir.path(), "mine.ron").texture.models().len(), 1);
+    fit(&dir, "s.csv --out mine.ron").ok();
+    assert_eq!(read(&dir, "mine.ron").texture.models().len(), 1);
 }

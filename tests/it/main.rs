@@ -28,7 +28,6 @@ mod scene_mended;
 mod scene_plot;
 mod selftest;
 mod shipped;
-mod state;
 mod texture;
 mod tradeoff;
 mod trust;

@@ -1,26 +1,20 @@
 //! `asperity plugin check`: a good plugin passes every case, and for every case there is a plugin that fails
 //! it.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use asperity_checks::node_cases;
-use harness::{Ran, plugins, run};
+use harness::{Ran, Room, plugins, run};
 
-/// Builds the C plugin, broken in one way or not at all.
-fn built(dir: &Path, broken: &str) -> PathBuf {
-    let to = dir.join(format!("{}{}", broken.to_lowercase(), std::env::consts::DLL_SUFFIX));
-    plugins::compile(&plugins::sources().join("node.c"), &to, &[&format!("-DBREAK={broken}"), "-std=c11"]);
-    to
-}
-
-fn check(file: &Path, more: &[&str]) -> Ran {
-    run(&harness::root(), &[&["plugin", "check", &file.display().to_string()], more].concat())
+fn check(file: &Path, more: &str) -> Ran {
+    let line = format!("plugin check {} {more}", file.display());
+    run(&harness::root(), &line.split_whitespace().collect::<Vec<_>>())
 }
 
 /// Checks one case of a broken plugin, which must fail it and say `found`.
 #[track_caller]
-fn fails(dir: &Path, broken: &str, kind: &str, case: &str, found: &str) {
-    let ran = check(&built(dir, broken), &["--kind", kind, "--case", case, "--ticks", "3000"]);
+fn fails(dir: &Room, broken: &str, kind: &str, case: &str, found: &str) {
+    let ran = check(&plugins::broken(dir, broken), &format!("--kind {kind} --case {case} --ticks 3000"));
     let line = ran.out.lines().find(|l| l.starts_with(kind) && l.contains("fail")).unwrap_or_default();
     let failed = ran.code == 1 && line.contains(case) && line.contains(found);
     assert!(failed, "{broken}: {}\n{}", ran.out, ran.err);
@@ -71,9 +65,9 @@ const MUTANTS: &[(&str, &str, &str, &str)] = &[
 
 #[test]
 fn broken_plugin_fails_its_case() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     for (broken, kind, case, found) in MUTANTS {
-        fails(dir.path(), broken, kind, case, found);
+        fails(&dir, broken, kind, case, found);
     }
 }
 
@@ -87,18 +81,17 @@ fn every_case_has_a_broken_plugin() {
 #[test]
 #[cfg(all(target_os = "linux", target_env = "gnu"))]
 fn allocations_in_process_and_reset_are_counted() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     let found = "process allocated 6000 and freed 6000 times in 6000 of 6000 calls, first at tick 0";
-    fails(dir.path(), "ALLOCATES", "low_pass", "allocation", found);
+    fails(&dir, "ALLOCATES", "low_pass", "allocation", found);
     let found = "reset allocated 6 and freed 6 times in 6 of 6 calls";
-    fails(dir.path(), "ALLOCATES_IN_RESET", "low_pass", "allocation", found);
+    fails(&dir, "ALLOCATES_IN_RESET", "low_pass", "allocation", found);
 }
 
 #[test]
 fn good_plugin_passes_every_case() {
-    let dir = tempfile::tempdir().unwrap();
-    let ran = check(&built(dir.path(), "NOTHING"), &["--json", "--ticks", "20000"]);
-    assert_eq!(ran.code, 0, "{}\n{}", ran.out, ran.err);
+    let dir = Room::new();
+    let ran = check(&plugins::broken(&dir, "NOTHING"), "--json --ticks 20000").ok();
     let all: serde_json::Value = serde_json::from_str(&ran.out).expect("JSON");
     let rows = all["cases"].as_array().expect("rows");
     for case in node_cases().iter().map(|c| c.name).chain(["surroundings", "time", "other_process"]) {
@@ -120,12 +113,11 @@ fn good_plugin_passes_every_case() {
 #[test]
 fn rust_plugins_are_checked_and_their_allocations_counted() {
     for package in ["my_phase", "my_filter", "my_effect", "asperity-rtpghi", "asperity-gsrtisi-la"] {
-        let ran = check(&plugins::rust(package), &["--ticks", "5000"]);
-        assert!(ran.code == 0 && ran.out.contains(" 0 failed"), "{}\n{}", ran.out, ran.err);
+        check(&plugins::rust(package), "--ticks 5000").ok().says(&[" 0 failed"]);
     }
     // A panic takes memory, which only the plugin's own allocator sees.
-    let ran = check(&plugins::rust("asperity-test-panics"), &["--case", "random", "--case", "allocation"]);
-    assert!(ran.code == 1 && ran.out.contains("panicked at tick 100"), "{}\n{}", ran.out, ran.err);
+    let ran = check(&plugins::rust("asperity-test-panics"), "--case random --case allocation")
+        .ends(1, &["panicked at tick 100"]);
     if cfg!(all(target_os = "linux", target_env = "gnu")) {
         assert!(ran.out.contains("in 1 of 6000 calls, first at tick 100"), "{}", ran.out);
     }
@@ -133,13 +125,14 @@ fn rust_plugins_are_checked_and_their_allocations_counted() {
 
 #[test]
 fn crash_is_named_and_later_cases_still_run() {
-    let dir = tempfile::tempdir().unwrap();
-    let cases = ["--case", "zero", "--case", "random", "--case", "descriptor"];
-    let ran = check(&built(dir.path(), "SEGFAULT"), &cases).says(&[
-        "crashed by signal 11 (segmentation fault) in case `zero`",
-        "crashed by signal 11 (segmentation fault) in case `random`",
-    ]);
-    assert_eq!(ran.code, 1, "{}", ran.err);
+    let dir = Room::new();
+    let cases = "--case zero --case random --case descriptor";
+    let ran = check(&plugins::broken(&dir, "SEGFAULT"), cases)
+        .says(&[
+            "crashed by signal 11 (segmentation fault) in case `zero`",
+            "crashed by signal 11 (segmentation fault) in case `random`",
+        ])
+        .ends(1, &[]);
     let passed = |kind: &str, case: &str| {
         let words = |l: &str| l.split_whitespace().take(3).map(str::to_owned).collect::<Vec<_>>();
         assert!(ran.out.lines().any(|l| words(l) == [kind, case, "pass"]), "{kind} {case}: {}", ran.out);
@@ -155,44 +148,41 @@ fn crash_is_named_and_later_cases_still_run() {
 
 #[test]
 fn abort_exit_and_endless_loop_are_named() {
-    let dir = tempfile::tempdir().unwrap();
-    fails(dir.path(), "ABORT", "low_pass", "random", "crashed by signal 6 (abort) in case `random`");
-    fails(dir.path(), "EXITS", "low_pass", "random", "ended the process with code 3 in case `random`");
-    let file = built(dir.path(), "ENDLESS");
-    let ran = check(&file, &["--kind", "low_pass", "--case", "random", "--patience", "1"]);
-    assert!(ran.code == 1 && ran.out.contains("did not answer within 1 s in case `random`"), "{}", ran.out);
+    let dir = Room::new();
+    fails(&dir, "ABORT", "low_pass", "random", "crashed by signal 6 (abort) in case `random`");
+    fails(&dir, "EXITS", "low_pass", "random", "ended the process with code 3 in case `random`");
+    let file = plugins::broken(&dir, "ENDLESS");
+    check(&file, "--kind low_pass --case random --patience 1")
+        .ends(1, &["did not answer within 1 s in case `random`"]);
 }
 
 #[test]
 fn plugin_that_does_not_load_is_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let text = dir.path().join("text.so");
+    let dir = Room::new();
+    let text = dir.join("text.so");
     std::fs::write(&text, "not a library").unwrap();
-    let ran = check(&text, &[]).refused("not a shared library");
+    let ran = check(&text, "").refused("not a shared library");
     assert_eq!(ran.out, "");
-    let ran = check(&dir.path().join("nowhere.so"), &[]);
-    assert_eq!(ran.code, 2, "{}", ran.err);
-    check(&built(dir.path(), "NO_FULL_STOP"), &[]).refused("full stop");
-    let ran = check(&built(dir.path(), "CRASHES_OPENING"), &[]);
-    assert!(ran.code == 1 && ran.out.contains("load"), "{}", ran.out);
-    assert!(ran.out.contains("crashed by signal 11 (segmentation fault) outside of any case"), "{}", ran.out);
+    check(&dir.join("nowhere.so"), "").refused("");
+    check(&plugins::broken(&dir, "NO_FULL_STOP"), "").refused("full stop");
+    check(&plugins::broken(&dir, "CRASHES_OPENING"), "")
+        .ends(1, &["load", "crashed by signal 11 (segmentation fault) outside of any case"]);
 }
 
 #[test]
 fn unknown_kinds_cases_and_settings_are_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let good = built(dir.path(), "NOTHING");
+    let dir = Room::new();
+    let good = plugins::broken(&dir, "NOTHING");
     for (args, message) in [
-        (["--kind", "low_pas"], "this plugin has no kind `low_pas`"),
-        (["--case", "randon"], "there is no case `randon`"),
-        (["--set", "gian=1"], "no kind here has a parameter `gian`"),
-        (["--set", "gain"], "there is no `=` in `gain`"),
+        ("--kind low_pas", "this plugin has no kind `low_pas`"),
+        ("--case randon", "there is no case `randon`"),
+        ("--set gian=1", "no kind here has a parameter `gian`"),
+        ("--set gain", "there is no `=` in `gain`"),
     ] {
-        let ran = check(&good, &args);
+        let ran = check(&good, args);
         assert!(ran.code == 2 && ran.err.contains(message) && ran.out.is_empty(), "{}\n{}", ran.out, ran.err);
     }
-    let ran = check(&good, &["--case", "prepare", "--kind", "low_pass", "--set", "gain=9"]);
-    assert!(ran.code == 1 && ran.out.contains("fail"), "{}", ran.out);
+    check(&good, "--case prepare --kind low_pass --set gain=9").ends(1, &["fail"]);
 }
 
 #[cfg(target_os = "linux")]

@@ -1,11 +1,12 @@
 //! Plugins through the program: found, refused, run beside built-in nodes, contained.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::process::Command;
 
 use asperity_accuracy::npy;
 use asperity_loader::Plugin;
-use harness::{graphs, json, plugins, root, run, run_line, wav};
+use harness::{Ran, Room, node, plugins, root, run};
 
 /// Error of loading a file.
 fn refusal(path: &Path) -> String {
@@ -15,23 +16,18 @@ fn refusal(path: &Path) -> String {
     }
 }
 
-/// A folder for one test.
-fn folder() -> tempfile::TempDir {
-    tempfile::tempdir().expect("a folder")
-}
-
 /// Writes a graph `g.ron` that names plugins.
-fn graph(dir: &Path, plugins: &[&Path], nodes: &str, wires: &str) {
+fn graph(dir: &Room, plugins: &[&Path], nodes: &str, wires: &str) {
     let plugins: Vec<_> = plugins.iter().map(|path| path.display().to_string()).collect();
     let text = format!("Graph(version: 1, plugins: {plugins:?}, nodes: {{\n{nodes}}},\nwires: [{wires}])");
-    fs::write(dir.join("g.ron"), text).unwrap();
+    dir.write("g.ron", text);
 }
 
 /// A node that leads to an output behind a limiter.
 const GUARDED: &str = "\"guard\": (kind: \"limiter\"), \"out\": (kind: \"audio_out\")";
 const GUARDED_WIRES: &str = "(\"bad\", \"guard\"), (\"guard\", \"out\")";
 
-fn lie(dir: &Path, number: u32) -> std::path::PathBuf {
+fn lie(dir: &Room, number: u32) -> std::path::PathBuf {
     let to = dir.join(format!("lie{number}.so"));
     // Some lies are compiler warnings too.
     plugins::compile(&plugins::sources().join("lies.c"), &to, &[&format!("-DLIE={number}"), "-w"]);
@@ -40,7 +36,7 @@ fn lie(dir: &Path, number: u32) -> std::path::PathBuf {
 
 #[test]
 fn a_plugin_that_lies_is_refused_and_says_where() {
-    let dir = folder();
+    let dir = Room::new();
     for (number, says) in [
         (1, "kind 0 says it has 8 bytes"),
         (2, "flags are 0x40"),
@@ -91,38 +87,38 @@ fn a_plugin_that_lies_is_refused_and_says_where() {
         (63, "version 2.1 of the plugin interface; this program has 1.1"),
         (64, "its entry has no `open`"),
     ] {
-        let path = lie(dir.path(), number);
+        let path = lie(&dir, number);
         let said = refusal(&path);
         assert!(said.contains(says) && said.contains("lie"), "lie {number}: {said}");
     }
-    assert!(Plugin::load(lie(dir.path(), 0)).is_ok(), "the honest one loads");
+    assert!(Plugin::load(lie(&dir, 0)).is_ok(), "the honest one loads");
 }
 
 #[test]
 fn a_lie_that_shows_only_later_is_an_error_of_the_graph() {
-    let dir = folder();
+    let dir = Room::new();
     for (number, says) in
         [(40, "cannot make an instance"), (41, "cannot be prepared"), (42, "negative denominator")]
     {
         let nodes = r#""it": (kind: "honest"), "s": (kind: "stroke"), "f": (kind: "virtual_floor"),
             "p": (kind: "probe")"#;
         let wires = r#"("s", "f"), ("f.force", "it"), ("f.force", "p")"#;
-        graph(dir.path(), &[&lie(dir.path(), number)], nodes, wires);
-        run(dir.path(), &["check", "g.ron", "--no-prune"]).refused(says).says(&["g.ron:2:"]);
+        graph(&dir, &[&lie(&dir, number)], nodes, wires);
+        dir.run("check g.ron --no-prune").refused(says).says(&["g.ron:2:"]);
     }
 }
 
 #[test]
 fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
-    let dir = folder();
-    let at = |name: &str| dir.path().join(name);
+    let dir = Room::new();
+    let at = |name: &str| dir.join(name);
     let good = fs::read(plugins::c("told")).unwrap();
     let write = |name: &str, bytes: &[u8]| {
-        fs::write(at(name), bytes).unwrap();
+        dir.write(name, bytes);
         refusal(&at(name))
     };
     assert!(refusal(&at("missing.so")).contains("cannot read this file: No such file"));
-    assert!(refusal(dir.path()).contains("this is a folder; a regular file is needed"));
+    assert!(refusal(&dir).contains("this is a folder; a regular file is needed"));
     assert!(write("text.so", b"hello, I am a text\n").contains("this is not a shared library"));
     assert!(write("empty.so", b"").contains("this file is empty"));
     for cut in [good.len() / 4, good.len() / 2, 3 * good.len() / 4] {
@@ -145,72 +141,51 @@ fn what_is_no_plugin_is_refused_before_any_of_it_runs() {
 /// Errors point to the place in the graph.
 #[test]
 fn plugin_of_a_graph_is_found_by_file_or_name() {
-    let dir = folder();
-    fs::create_dir(dir.path().join("plugins")).unwrap();
-    fs::copy(plugins::c("told"), dir.path().join("plugins/libtold.so")).unwrap();
+    let dir = Room::new();
+    fs::create_dir(dir.join("plugins")).unwrap();
+    fs::copy(plugins::c("told"), dir.join("plugins/libtold.so")).unwrap();
     let named = |plugin: &str| {
         let nodes = format!("\"bad\": (kind: \"told\"), {GUARDED}");
-        graph(dir.path(), &[plugin.as_ref()], &nodes, GUARDED_WIRES);
+        graph(&dir, &[plugin.as_ref()], &nodes, GUARDED_WIRES);
     };
     named("plugins/libtold.so");
-    run(dir.path(), &["check", "g.ron"]).ok();
+    dir.run("check g.ron").ok();
     // From another folder: relative to the graph, not to where the program runs.
-    run(Path::new("/"), &["check", dir.path().join("g.ron").to_str().unwrap()]).ok();
+    run(Path::new("/"), &["check", dir.join("g.ron").to_str().unwrap()]).ok();
     named("told");
-    run(dir.path(), &["check", "g.ron"])
+    dir.run("check g.ron")
         .refused("g.ron:1:29: error: there is no plugin `told`")
         .says(&["libtold.so", "ASPERITY_PLUGIN_PATH"]);
-    let on_path = |folder: &str, args: &[&str]| {
-        let path = dir.path().join(folder);
-        let out =
-            harness::asperity(dir.path()).env("ASPERITY_PLUGIN_PATH", path).args(args).output().unwrap();
-        let [said, err] = [&out.stdout, &out.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
-        (out.status.code(), said + &err)
+    let on_path = |folder: &str, line: &str| {
+        let mut program = harness::asperity(&dir);
+        program.env("ASPERITY_PLUGIN_PATH", dir.join(folder)).args(line.split(' '));
+        Ran::of(&program.output().unwrap())
     };
-    assert_eq!(on_path("plugins", &["check", "g.ron"]).0, Some(0));
-    let (code, said) = on_path("nowhere", &["check", "g.ron"]);
-    assert!(code == Some(2) && said.contains("there is no plugin `told`"), "{said}");
-    let (code, said) = on_path("nowhere", &["nodes"]);
-    assert!(code == Some(0) && said.contains("nowhere: cannot look for plugins here"), "{said}");
+    on_path("plugins", "check g.ron").ok();
+    on_path("nowhere", "check g.ron").refused("there is no plugin `told`");
+    on_path("nowhere", "nodes").ok().says(&["nowhere: cannot look for plugins here"]);
     named("plugins/libtld.so");
-    run(dir.path(), &["check", "g.ron"])
-        .refused("libtld.so: error: cannot read this file")
-        .says(&["g.ron:1:29"]);
+    dir.run("check g.ron").refused("libtld.so: error: cannot read this file").says(&["g.ron:1:29"]);
     // A kind that is there twice, and one that is built in.
-    fs::copy(plugins::rust("asperity-test-panics"), dir.path().join("libpanics.so")).unwrap();
-    let spsi = lie(dir.path(), 8);
-    run(dir.path(), &["nodes", "--plugin", spsi.to_str().unwrap()])
-        .refused("its kind `spsi` is there already: it is built in");
-    let (honest, other) = (lie(dir.path(), 0), lie(dir.path(), 40));
-    run(dir.path(), &["nodes", "--plugin", honest.to_str().unwrap(), "--plugin", other.to_str().unwrap()])
-        .refused("its kind `honest` is there already");
+    for (numbers, says) in [
+        (&[8][..], "its kind `spsi` is there already: it is built in"),
+        (&[0, 40], "its kind `honest` is there already"),
+    ] {
+        let lies = numbers.iter().map(|number| format!(" --plugin {}", lie(&dir, *number).display()));
+        dir.run(&format!("nodes{}", lies.collect::<String>())).refused(says);
+    }
     // One that merely lies on the path is left out, and the rest goes on.
-    fs::write(dir.path().join("plugins/libtext.so"), "text").unwrap();
-    let (code, said) = on_path("plugins", &["nodes"]);
-    assert!(code == Some(0) && said.contains("told") && said.contains("libtext.so: this is not"), "{said}");
-    let (code, said) = on_path("plugins", &["plugin", "list", "--json"]);
-    assert!(code == Some(0) && said.contains("\"told\""), "{said}");
-    assert!(said.contains("this is not a shared library"), "{said}");
+    dir.write("plugins/libtext.so", "text");
+    on_path("plugins", "nodes").ok().says(&["told", "libtext.so: this is not"]);
+    on_path("plugins", "plugin list --json").ok().says(&["\"told\"", "this is not a shared library"]);
 }
 
 /// The signal that a phase-retrieval node makes of the texture vector.
-fn inverted(dir: &Path, kind: &str, plugin: &Path) -> Vec<f32> {
+fn inverted(dir: &Room, kind: &str, plugin: &Path) -> Vec<f32> {
     let magnitudes = root().join("tests/data/phase/texture_2500.mag.npy");
-    let args = ["invert", "--phase", kind, "--rate", "2500", "--out", "y.npy", "--plugin"];
-    let mut all: Vec<&str> = args.to_vec();
-    all.extend([plugin.to_str().unwrap(), "--magnitudes", magnitudes.to_str().unwrap()]);
-    run(dir, &all).ok();
-    npy::read(dir.join("y.npy")).unwrap().values.into_f32()
-}
-
-/// The template `like`/`name` in C and C++.
-fn compiled(dir: &Path, like: &str, name: &str) -> [PathBuf; 2] {
-    ["c", "cpp"].map(|language| {
-        let source = root().join(format!("plugins/template/{like}/{language}/{name}.{language}"));
-        let library = dir.join(format!("{language}.so"));
-        plugins::compile(&source, &library, &[]);
-        library
-    })
+    let files = format!("--plugin {} --magnitudes {}", plugin.display(), magnitudes.display());
+    dir.run(&format!("invert --phase {kind} --rate 2500 --out y.npy {files}")).ok();
+    dir.npy("y.npy")
 }
 
 fn furthest(a: &[f32], b: &[f32]) -> f32 {
@@ -220,24 +195,24 @@ fn furthest(a: &[f32], b: &[f32]) -> f32 {
 
 #[test]
 fn the_same_node_in_rust_c_and_cpp_makes_the_same_signal() {
-    let dir = folder();
-    let rust = inverted(dir.path(), "my_phase", &plugins::rust("my_phase"));
+    let dir = Room::new();
+    let rust = inverted(&dir, "my_phase", &plugins::rust("my_phase"));
     assert!(rust.iter().any(|x| x.abs() > 0.1));
-    for library in compiled(dir.path(), "phase", "my_phase") {
-        let worst = furthest(&rust, &inverted(dir.path(), "my_phase", &library));
+    for library in plugins::templates(&dir, "phase", "my_phase") {
+        let worst = furthest(&rust, &inverted(&dir, "my_phase", &library));
         assert!(worst < 1e-4, "{library:?} differs by {worst}");
     }
 }
 
 #[test]
 fn a_filter_in_rust_c_and_cpp_softens_alike() {
-    let dir = folder();
+    let dir = Room::new();
     let softened = |plugin: &Path| {
         let nodes = r#""t": (kind: "told"), "f": (kind: "my_filter"),
             "p": (kind: "probe", params: (file: "y.npy"))"#;
-        graph(dir.path(), &[&plugins::c("told"), plugin], nodes, r#"("t", "f"), ("f", "p")"#);
-        run(dir.path(), &["render", "g.ron", "--seconds", "0.5"]).ok();
-        npy::read(dir.path().join("y.npy")).unwrap().values.into_f32()
+        graph(&dir, &[&plugins::c("told"), plugin], nodes, r#"("t", "f"), ("f", "p")"#);
+        dir.run("render g.ron --seconds 0.5").ok();
+        dir.npy("y.npy")
     };
     let rust = softened(&plugins::rust("my_filter"));
     // The gain of a one-pole low pass at 0.01 rad a sample, in closed form.
@@ -245,7 +220,7 @@ fn a_filter_in_rust_c_and_cpp_softens_alike() {
     let gain = (1.0 - a) / ((1.0 - a * w.cos()).powi(2) + (a * w.sin()).powi(2)).sqrt();
     let peak = rust[2000..].iter().fold(0.0_f32, |m, x| m.max(x.abs()));
     assert!((peak / (0.1 * gain) - 1.0).abs() < 1e-3, "{peak} against {}", 0.1 * gain);
-    for library in compiled(dir.path(), "audio", "my_filter") {
+    for library in plugins::templates(&dir, "audio", "my_filter") {
         let worst = furthest(&rust, &softened(&library));
         assert!(worst < 1e-6, "{library:?} differs by {worst}");
     }
@@ -253,11 +228,11 @@ fn a_filter_in_rust_c_and_cpp_softens_alike() {
 
 /// Renders a node of a plugin behind a limiter; samples, report and messages.
 fn contained(plugin: &Path, node: &str, more: &str) -> (Vec<f32>, serde_json::Value, String) {
-    let dir = folder();
-    graph(dir.path(), &[plugin], &format!("\"bad\": ({node}), {GUARDED}"), GUARDED_WIRES);
-    let ran = run_line(dir.path(), &format!("render g.ron --out o.wav --report r.json {more}"));
-    let (samples, _) = wav(&dir.path().join("o.wav"));
-    (samples, json(&dir.path().join("r.json")), ran.err)
+    let dir = Room::new();
+    graph(&dir, &[plugin], &format!("\"bad\": ({node}), {GUARDED}"), GUARDED_WIRES);
+    let ran = dir.run(&format!("render g.ron --out o.wav --report r.json {more}"));
+    let (samples, _) = dir.wav("o.wav");
+    (samples, dir.json("r.json"), ran.err)
 }
 
 #[test]
@@ -273,14 +248,14 @@ fn a_plugin_that_fails_is_faded_counted_and_the_chain_goes_on() {
         let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
         // The wave itself and a fade of 10 ms from its peak.
         assert!(step(&samples) < step(&good) + 0.1 / 480.0 * 1.5, "{what}: {}", step(&samples));
-        let (a, b) = (good.len() - 4800, good.len());
-        let late = good[a..b].iter().zip(&samples[a..b]).map(|(x, y)| (x - y).abs()).fold(0.0, f32::max);
+        let late = furthest(&good[good.len() - 4800..], &samples[samples.len() - 4800..]);
         assert!(late < 1e-3, "{what}: it goes on where it would have been, but for {late}");
-        let text = report.to_string();
-        assert!(text.contains("\"faults\":2"), "{what}: {text}");
-        assert!(!err.contains("panicked at"), "{err}");
+        assert!(
+            node(&report, "bad")["faults"] == 2 && !err.contains("panicked at"),
+            "{what}: {report} {err}"
+        );
         let (samples, report, _) = told(what, 200, 1_000_000);
-        assert!(report.to_string().contains("\"faults\":8"), "{what}: quarantined after 8: {report}");
+        assert_eq!(node(&report, "bad")["faults"], 8, "{what}: quarantined after 8");
         assert!(samples[samples.len() / 2..].iter().all(|x| x.abs() < 1e-4), "{what} fades to silence");
     }
 }
@@ -290,17 +265,16 @@ fn a_plugin_that_takes_too_long_is_faded_counted_and_taken_out() {
     // Each call sleeps for 30 ms where 15 may be taken: far beyond what a busy machine adds to an honest
     // call.
     let render = |to: u32| {
-        let node = format!("kind: \"told\", params: (from: 20, to: {to}, what: overrun)");
-        let (samples, report, _) = contained(&plugins::c("told"), &node, "--seconds 0.5 --limit-us 15000");
-        let bad = report["nodes"].as_array().unwrap().iter().find(|n| n["id"] == "bad").unwrap().clone();
-        (samples, bad)
+        let told = format!("kind: \"told\", params: (from: 20, to: {to}, what: overrun)");
+        let (samples, report, _) = contained(&plugins::c("told"), &told, "--seconds 0.5 --limit-us 15000");
+        (samples, node(&report, "bad").clone())
     };
-    let (samples, node) = render(22);
-    assert!(node["faults"].as_u64().unwrap() >= 2 && node["quarantined"] == false, "{node}");
-    assert_eq!(node["last_fault"], "took longer than it may");
+    let (samples, bad) = render(22);
+    assert!(bad["faults"].as_u64().unwrap() >= 2 && bad["quarantined"] == false, "{bad}");
+    assert_eq!(bad["last_fault"], "took longer than it may");
     assert!(samples[12_000..].iter().any(|x| x.abs() > 0.05), "it goes on");
-    let (samples, node) = render(1_000_000);
-    assert!(node["faults"] == 8 && node["quarantined"] == true, "{node}");
+    let (samples, bad) = render(1_000_000);
+    assert!(bad["faults"] == 8 && bad["quarantined"] == true, "{bad}");
     assert!(samples[12_000..].iter().all(|x| x.abs() < 1e-3), "silent once it is taken out");
 }
 
@@ -312,47 +286,41 @@ fn a_panic_in_a_plugin_is_silent_and_contained() {
         "--seconds 1",
     );
     assert!(samples.iter().all(|x| x.is_finite()) && samples.iter().any(|x| x.abs() > 0.01));
-    assert!(report.to_string().contains("\"faults\":1"), "{report}");
-    assert!(!err.contains("as told"), "{err}");
+    assert!(node(&report, "bad")["faults"] == 1 && !err.contains("as told"), "{report} {err}");
 }
 
 #[test]
 fn a_panic_while_a_plugin_is_prepared_is_an_error_of_the_graph() {
-    let dir = folder();
+    let dir = Room::new();
     let node = r#""bad": (kind: "panics", params: (early: true)), "p": (kind: "probe")"#;
-    graph(dir.path(), &[&plugins::rust("asperity-test-panics")], node, r#"("bad", "p")"#);
-    run(dir.path(), &["check", "g.ron"])
+    graph(&dir, &[&plugins::rust("asperity-test-panics")], node, r#"("bad", "p")"#);
+    dir.run("check g.ron")
         .refused("the node panicked while it was prepared: as told, early")
         .says(&["g.ron:2:"]);
 }
 
 #[test]
 fn a_new_plugin_in_every_language_builds_and_is_found() {
-    let dir = folder();
-    for like in ["phase", "audio", "effect"] {
-        for (lang, kind) in [("c", "one_c"), ("cpp", "one_cpp")] {
-            let name = format!("{kind}_{like}");
-            run(dir.path(), &["plugin", "new", &name, "--lang", lang, "--like", like]).ok().says(&["make"]);
-            plugins::must(std::process::Command::new("make").arg("-s").current_dir(dir.path().join(&name)));
-            let library = format!("{name}/lib{name}.so");
-            let ran = run(dir.path(), &["nodes", &name, "--plugin", &library]).ok();
-            assert!(ran.out.starts_with(&name), "{}", ran.out);
-        }
-        // What stands in a folder for Rust is checked by building it, in a folder of its own beside the other
-        // builds.
-        let name = format!("one_rust_{like}");
-        run(dir.path(), &["plugin", "new", &name, "--like", like]).ok();
-        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new");
-        plugins::must(
-            std::process::Command::new(env!("CARGO"))
-                .args(["build", "--locked"])
-                .current_dir(dir.path().join(&name))
-                .env("CARGO_TARGET_DIR", &target),
-        );
-        let library = target.join("debug").join(asperity_loader::file_name(&name));
-        run(dir.path(), &["nodes", &name, "--plugin", library.to_str().unwrap()]).ok();
+    let dir = Room::new();
+    // What stands in a folder for Rust is checked by building it, beside the other builds.
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("new");
+    for (like, language) in
+        ["phase", "audio", "effect"].iter().flat_map(|like| ["c", "cpp", "rust"].map(|l| (like, l)))
+    {
+        let name = format!("one_{language}_{like}");
+        dir.run(&format!("plugin new {name} --lang {language} --like {like}")).ok();
+        let (mut build, library) = if language == "rust" {
+            let mut cargo = Command::new(env!("CARGO"));
+            cargo.args(["build", "--locked"]).env("CARGO_TARGET_DIR", &target);
+            (cargo, target.join("debug").join(asperity_loader::file_name(&name)))
+        } else {
+            (Command::new("make"), dir.join(format!("{name}/lib{name}.so")))
+        };
+        plugins::must(build.current_dir(dir.join(&name)));
+        let ran = dir.run(&format!("nodes {name} --plugin {}", library.display())).ok();
+        assert!(ran.out.starts_with(&name), "{}", ran.out);
     }
-    let before = harness::files(dir.path());
+    let before = dir.files();
     for (name, says) in [
         ("one_c_phase", "this is there already"),
         ("One", "cannot be the name"),
@@ -362,24 +330,22 @@ fn a_new_plugin_in_every_language_builds_and_is_found() {
         ("../x/../y z", "cannot be the name"),
         ("no/such/folder/mine", "cannot make this folder"),
     ] {
-        run(dir.path(), &["plugin", "new", name]).refused(says);
+        dir.run(&format!("plugin new {name}")).refused(says);
     }
-    assert_eq!(harness::files(dir.path()), before, "nothing is left behind");
+    assert_eq!(dir.files(), before, "nothing is left behind");
 }
 
 #[test]
 fn the_readme_of_a_new_plugin_names_what_is_there() {
-    let dir = folder();
-    run(dir.path(), &["plugin", "new", "mine", "--lang", "cpp"]).ok();
-    let readme = fs::read_to_string(dir.path().join("mine/README.md")).unwrap();
+    let dir = Room::new();
+    dir.run("plugin new mine --lang cpp").ok();
+    let readme = dir.text("mine/README.md");
     for gone in ["my_phase", "LIBRARY", "LANGUAGE", "SOURCE"] {
         assert!(!readme.contains(gone), "{gone} is left in: {readme}");
     }
-    assert!(
-        readme.contains("mine.cpp") && readme.contains("./libmine.so") && readme.contains("in C++"),
-        "{readme}"
-    );
-    assert!(graphs("").exists());
+    for there in ["mine.cpp", "./libmine.so", "in C++"] {
+        assert!(readme.contains(there), "{there}: {readme}");
+    }
 }
 
 #[test]
@@ -398,23 +364,22 @@ fn a_minimal_node_takes_no_more_than_25_lines() {
 
 #[test]
 fn plugin_that_exits_is_no_success() {
-    let dir = folder();
-    fs::copy(plugins::c("told"), dir.path().join("libtold.so")).unwrap();
+    let dir = Room::new();
+    fs::copy(plugins::c("told"), dir.join("libtold.so")).unwrap();
     let nodes = format!("\"bad\": (kind: \"told\", params: (from: 50, to: 51, what: \"exit\")), {GUARDED}");
-    graph(dir.path(), &["libtold.so".as_ref()], &nodes, GUARDED_WIRES);
+    graph(&dir, &["libtold.so".as_ref()], &nodes, GUARDED_WIRES);
     for command in [
         &["render", "g.ron", "--seconds", "1", "--out", "o.wav"][..],
         &["run", "g.ron", "--device", "simulated:frames=96"],
     ] {
-        let ran = run(dir.path(), command);
-        assert!(ran.code == 1 && ran.err.contains("called exit()"), "{command:?}: {} {}", ran.code, ran.err);
-        assert!(!dir.path().join("o.wav").exists());
+        run(&dir, command).ends(1, &["called exit()"]);
+        assert!(!dir.join("o.wav").exists());
     }
 }
 
 #[test]
 fn rounding_that_a_plugin_changed_does_not_reach_other_nodes() {
-    let dir = folder();
+    let dir = Room::new();
     // A filter rounds in every sample: with another rounding it would put out something else.
     let right = |from: u32| {
         let nodes = format!(
@@ -423,9 +388,9 @@ fn rounding_that_a_plugin_changed_does_not_reach_other_nodes() {
             "other": (kind: "limiter"), "right": (kind: "file_out", params: (file: "right.npy"))"#
         );
         let wires = format!(r#"{GUARDED_WIRES}, ("tone", "other"), ("other", "right")"#);
-        graph(dir.path(), &[&plugins::c("told")], &nodes, &wires);
-        run(dir.path(), &["render", "g.ron", "--seconds", "1", "--out", "left.wav"]).ok();
-        (npy::read(dir.path().join("right.npy")).unwrap().values, wav(&dir.path().join("left.wav")).0)
+        graph(&dir, &[&plugins::c("told")], &nodes, &wires);
+        dir.run("render g.ron --seconds 1 --out left.wav").ok();
+        (npy::read(dir.join("right.npy")).unwrap().values, dir.wav("left.wav").0)
     };
     let (rounded, untouched) = (right(100), right(900_000));
     assert!(rounded == untouched);

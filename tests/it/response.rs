@@ -1,6 +1,6 @@
 //! Response lag: how long the output takes to follow a change of speed. It is another figure than latency.
 
-use harness::{graphs, run};
+use harness::Room;
 
 /// Half a period of the steps, in seconds.
 const HALF_S: f64 = 0.4;
@@ -42,27 +42,15 @@ fn half_way_ms(signal: &[f32], rate_hz: usize) -> f64 {
 
 #[test]
 fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("t.csv"), steps(40.0, 120.0)).unwrap();
-    let graph = graphs("heravi2024.ron").display().to_string();
+    let dir = Room::new();
+    dir.write("t.csv", steps(40.0, 120.0));
     // A material without a line, whose level follows speed smoothly.
-    let material = "texture.material=sandpaper P50";
-    let args = [
-        "render",
-        &graph,
-        "--input",
-        "t.csv",
-        "--set",
-        material,
-        "--probe",
-        "synthesis=a.npy",
-        "--probe",
-        "audio rate=b.npy",
-    ];
-    run(dir.path(), &args).ok();
-    let read = |n: &str| asperity_accuracy::npy::read(dir.path().join(n)).unwrap().values.into_f32();
-    let synthesis = half_way_ms(&read("a.npy"), 2500);
-    let audio = half_way_ms(&read("b.npy"), 48_000);
+    dir.run(
+        "render graphs/heravi2024.ron --input t.csv --set 'texture.material=sandpaper P50' \
+         --probe synthesis=a.npy --probe 'audio rate=b.npy'",
+    )
+    .ok();
+    let (synthesis, audio) = (half_way_ms(&dir.npy("a.npy"), 2500), half_way_ms(&dir.npy("b.npy"), 48_000));
     println!("response lag: {synthesis:.1} ms at the synthesis, {audio:.1} ms at the audio rate");
     // Half of a 0.1 s window and the 20 Hz filter's 11 ms, and what the history of 20 ms adds or the model's
     // non-linear rise takes away.
@@ -72,10 +60,7 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
 
 #[test]
 fn recommended_chain_is_half_way_in_10_ms_and_there_in_20() {
-    let dir = tempfile::tempdir().unwrap();
-    let graph = graphs("texture.ron").display().to_string();
-    let asked = run(dir.path(), &["latency", &graph, "--json"]);
-    let figures: serde_json::Value = serde_json::from_str(&asked.ok().out).unwrap();
+    let figures = Room::new().run("latency graphs/texture.ron --json").json();
     let lag: Vec<f64> = serde_json::from_value(figures["graphs"][0]["lag_ms"].clone()).unwrap();
     println!("10, 50 and 90 % after {lag:?} ms");
     assert!(lag[1] <= 10.0 && lag[2] <= 20.0, "{lag:?} ms");
@@ -84,34 +69,32 @@ fn recommended_chain_is_half_way_in_10_ms_and_there_in_20() {
 /// A setting of no graph is refused before anything is measured.
 #[test]
 fn setting_changes_only_its_graph_and_unknown_is_refused() {
-    let dir = tempfile::tempdir().unwrap();
-    let [texture, seed] =
-        [harness::retrieving(), graphs("heravi2024.ron")].map(|path| path.display().to_string());
-    let both = run(dir.path(), &["latency", &texture, &seed, "--set", "phase.emission=-25", "--json"]).ok();
+    let dir = Room::new();
+    let retrieving = harness::retrieving().display().to_string();
+    let latency = |graphs: &str, more: &str| dir.run(&format!("latency {graphs} {retrieving} {more}"));
+    let both = latency("graphs/heravi2024.ron", "--set phase.emission=-25 --json");
     assert!(both.err.contains("heravi2024.ron has no such parameter"), "{}", both.err);
     assert_eq!(both.err.matches("note:").count(), 1, "{}", both.err);
-    let figures: serde_json::Value = serde_json::from_str(&both.out).unwrap();
+    let figures = both.json();
     let half = |n: usize| figures["graphs"][n]["lag_ms"][1].as_f64().unwrap();
-    println!("{:.1} ms with the setting, {:.1} ms where there is none", half(0), half(1));
-    assert!(half(0) < 40.0 && half(1) > 55.0, "{figures}");
-    // A graph that has no rise of level with speed is told after it was measured: it is, if it is measured
+    println!("{:.1} ms with the setting, {:.1} ms where there is none", half(1), half(0));
+    assert!(half(1) < 40.0 && half(0) > 55.0, "{figures}");
+    // A tone beside a stylus that it does not follow. That is told after it was measured: if it is measured
     // at all.
-    let level = graph_without_a_rise(dir.path());
-    let alone = run(dir.path(), &["latency", &level]);
-    assert!(alone.code != 0 && alone.err.contains("does not rise with speed"), "{}", alone.err);
-    for set in ["phase.emision=-25", "fase.emission=-25", "phase.emission=1e9"] {
-        let none = run(dir.path(), &["latency", &level, &texture, "--set", set]);
-        assert!(none.code != 0 && !none.err.contains("does not rise"), "{set}: {}", none.err);
-        assert!(none.err.contains("emision") || none.err.contains("fase") || none.err.contains("emission"));
-    }
-}
-
-/// A tone beside a stylus that it does not follow.
-fn graph_without_a_rise(dir: &std::path::Path) -> String {
-    let text = r#"Graph(version: 1, nodes: {
+    dir.write(
+        "level.ron",
+        r#"Graph(version: 1, nodes: {
         "stylus": (kind: "pointer_input"), "seen": (kind: "probe", params: (file: "seen.csv")),
         "sine": (kind: "sine"), "limiter": (kind: "limiter"), "out": (kind: "audio_out"),
-    }, wires: [("stylus.position", "seen"), ("sine", "limiter"), ("limiter", "out")])"#;
-    std::fs::write(dir.join("level.ron"), text).unwrap();
-    "level.ron".to_owned()
+    }, wires: [("stylus.position", "seen"), ("sine", "limiter"), ("limiter", "out")])"#,
+    );
+    let alone = dir.run("latency level.ron");
+    assert!(alone.code != 0 && alone.err.contains("does not rise with speed"), "{}", alone.err);
+    for (set, says) in
+        [("phase.emision=-25", "emision"), ("fase.emission=-25", "fase"), ("phase.emission=1e9", "emission")]
+    {
+        let none = latency("level.ron", &format!("--set {set}"));
+        assert!(none.code != 0 && !none.err.contains("does not rise"), "{set}: {}", none.err);
+        assert!(none.err.contains(says), "{set}: {}", none.err);
+    }
 }

@@ -2,14 +2,13 @@
 //! not depend on it.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
-use harness::{csv, files, graphs, json, run, run_line, wav};
+use harness::{Room, csv, graphs, node, run};
 use serde_json::Value;
 
 /// A shipped scene.
 fn shipped(name: &str) -> String {
-    graphs("scenes").join(name).display().to_string()
+    format!("graphs/scenes/{name}.ron")
 }
 
 /// The shipped model and actuator, whatever folder a scene is in.
@@ -28,6 +27,24 @@ fn parts(audio_hz: u32) -> String {
 const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 const LOOP: &str =
     "texture: waveform(segments: [(0, 0), (0.5, 4), (1, 0), (1.5, -4), (2, 0)], reference_speed_mm_s: 80)";
+
+/// Effects of a wall.
+fn wall(more: &str) -> String {
+    format!("{WALL}, {more}")
+}
+
+/// The texture of a shipped autoregressive model.
+fn ar(name: &str) -> String {
+    format!(
+        "texture: autoregressive(model: {:?})",
+        graphs(&format!("models/made_ar/{name}.ron")).display().to_string()
+    )
+}
+
+/// A scene of tiles, and the stroke `t.csv`.
+fn scene(audio_hz: u32, effects: &[&str]) -> String {
+    format!("{}{STROKE}{}", parts(audio_hz), tiles(effects))
+}
 
 /// Tiles of 20 mm along x from -40 on, with these effects; all have a material.
 fn tiles(effects: &[&str]) -> String {
@@ -55,21 +72,16 @@ fn along(speed_mm_s: f64) -> String {
 }
 
 /// Writes a scene and its stroke, and renders it; the report.
-fn rendered(dir: &Path, scene: &str, stroke: &str, more: &[&str]) -> Value {
+fn rendered(dir: &Room, scene: &str, stroke: &str, more: &[&str]) -> Value {
     write_text(dir, scene);
-    std::fs::write(dir.join("t.csv"), stroke).unwrap();
+    dir.write("t.csv", stroke);
     let mut args = vec!["render", "s.ron", "--out", "o.wav", "--report", "r.json", "--quiet"];
     args.extend(more);
     run(dir, &args).ok();
-    json(&dir.join("r.json"))
+    dir.json("r.json")
 }
 
 const STROKE: &str = "input: trajectory(file: \"t.csv\", interpolation: linear),\n";
-
-fn node<'a>(report: &'a Value, id: &str) -> &'a Value {
-    let nodes = report["nodes"].as_array().unwrap();
-    nodes.iter().find(|n| n["id"] == id).unwrap_or_else(|| panic!("no {id}"))
-}
 
 fn calls(report: &Value, id: &str) -> u64 {
     node(report, id)["calls"].as_u64().unwrap()
@@ -80,66 +92,58 @@ fn kinds(report: &Value) -> Vec<String> {
     nodes.map(|n| n["kind"].as_str().unwrap().to_owned()).collect()
 }
 
-fn parsed(text: &str) -> Value {
-    serde_json::from_str(text).unwrap()
-}
-
-fn check(dir: &Path, file: &str) -> Value {
-    parsed(&run(dir, &["check", file, "--json"]).ok().out)
+fn check(dir: &Room, file: &str) -> Value {
+    dir.run(&format!("check {file} --json")).json()
 }
 
 /// Writes a scene at 48 kHz of tiles with these effects.
-fn write(dir: &Path, effects: &[&str]) {
-    write_text(dir, &format!("{}{STROKE}{}", parts(48_000), tiles(effects)));
+fn write(dir: &Room, effects: &[&str]) {
+    write_text(dir, &scene(48_000, effects));
 }
 
-fn write_text(dir: &Path, scene: &str) {
-    std::fs::write(dir.join("s.ron"), format!("Scene(\n{scene})\n")).unwrap();
+fn write_text(dir: &Room, scene: &str) {
+    dir.write("s.ron", format!("Scene(\n{scene})\n"));
 }
 
 #[test]
 fn shipped_scenes_are_taken_wherever_a_graph_is() {
-    let dir = tempfile::tempdir().unwrap();
-    for name in ["side_by_side.ron", "twelve.ron", "every_effect.ron", "thousand.ron"] {
-        let scene = shipped(name);
-        let checked = check(dir.path(), &scene);
-        assert_eq!(checked["dropped"].as_array().unwrap().len(), 0, "{name}");
-        assert_eq!(checked["allocation_free"], true, "{name}");
-        run(dir.path(), &["graph", &scene, "--svg", "g.svg"]).ok();
-        run(dir.path(), &["render", &scene, "--out", "o.wav", "--report", "r.json", "--quiet"]).ok();
-        let report = json(&dir.path().join("r.json"));
-        assert_eq!(report["faults"], 0, "{name}");
-        let (samples, _) = wav(&dir.path().join("o.wav"));
+    let dir = Room::new();
+    for scene in ["side_by_side", "twelve", "every_effect", "thousand"].map(shipped) {
+        let checked = check(&dir, &scene);
+        assert_eq!(checked["dropped"].as_array().unwrap().len(), 0, "{scene}");
+        assert_eq!(checked["allocation_free"], true, "{scene}");
+        dir.run(&format!("graph {scene} --svg g.svg")).ok();
+        dir.run(&format!("render {scene} --seconds 4 --out o.wav --report r.json --quiet")).ok();
+        assert_eq!(dir.json("r.json")["faults"], 0, "{scene}");
+        let (samples, _) = dir.wav("o.wav");
         let loud = samples.iter().filter(|x| x.abs() > 0.003).count();
-        assert!(loud * 10 > samples.len(), "{name}: {loud} of {}", samples.len());
+        assert!(loud * 10 > samples.len(), "{scene}: {loud} of {}", samples.len());
     }
 }
 
 #[test]
 fn what_a_scene_expands_to_is_a_graph_that_sounds_the_same() {
-    let dir = tempfile::tempdir().unwrap();
-    let scene = parts(48_000)
-        + STROKE
-        + &tiles(&[&format!("{WALL}, texture: network, friction: dahl"), &format!("{WALL}, {LOOP}")]);
-    rendered(dir.path(), &scene, &along(25.0), &[]);
-    let expanded = run(dir.path(), &["scene", "expand", "s.ron"]).ok().out;
+    let dir = Room::new();
+    let text = scene(48_000, &[&wall("texture: network, friction: dahl"), &wall(LOOP)]);
+    rendered(&dir, &text, &along(25.0), &[]);
+    let expanded = dir.run("scene expand s.ron").ok().out;
     assert!(expanded.starts_with("// What s.ron lowers to"), "{expanded}");
-    run(dir.path(), &["scene", "expand", "s.ron", "--out", "g.ron"]).ok();
-    assert_eq!(std::fs::read_to_string(dir.path().join("g.ron")).unwrap(), expanded);
-    run(dir.path(), &["render", "g.ron", "--out", "g.wav", "--quiet"]).ok();
-    let bytes = |name: &str| std::fs::read(dir.path().join(name)).unwrap();
+    dir.run("scene expand s.ron --out g.ron").ok();
+    assert_eq!(dir.text("g.ron"), expanded);
+    dir.run("render g.ron --out g.wav --quiet").ok();
+    let bytes = |name: &str| dir.bytes(name);
     assert!(bytes("o.wav") == bytes("g.wav"));
     // Not over the scene itself, and not where its paths would mean other files.
     for (out, why) in [("s.ron", "overwritten"), ("..", "folder")] {
-        run(dir.path(), &["scene", "expand", "s.ron", "--out", out]).refused(why);
+        dir.run(&format!("scene expand s.ron --out {out}")).refused(why);
     }
-    run(dir.path(), &["scene", "explain", "g.ron"]).refused("not a scene");
+    dir.run("scene explain g.ron").refused("not a scene");
 }
 
 /// Sample for sample.
 #[test]
 fn plane_with_the_model_equals_the_shipped_graph() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     let scene = parts(48_000)
         .replace("seed: 7", "seed: 2024")
         .replace("gain: 0.25", "gain: 0.2")
@@ -149,29 +153,28 @@ fn plane_with_the_model_equals_the_shipped_graph() {
             "surfaces: {{\"a\": (shape: plane, material: \"canvas\", effects: ({WALL}, \
              texture: network))}},\n"
         );
-    let report = rendered(dir.path(), &scene, &along(60.0), &[]);
+    let report = rendered(&dir, &scene, &along(60.0), &[]);
     assert!(calls(&report, "texture") > 300);
-    let graph = graphs("texture.ron").display().to_string();
     let set = "--set stylus.interpolation=linear";
-    run_line(dir.path(), &format!("render {graph} --input t.csv {set} --out g.wav --quiet")).ok();
-    let (of_scene, of_graph) = (wav(&dir.path().join("o.wav")).0, wav(&dir.path().join("g.wav")).0);
+    dir.run(&format!("render graphs/texture.ron --input t.csv {set} --out g.wav --quiet")).ok();
+    let (of_scene, of_graph) = (dir.wav("o.wav").0, dir.wav("g.wav").0);
     assert!(of_graph.iter().any(|x| x.abs() > 0.01));
     assert!(of_scene == of_graph);
 }
 
 #[test]
 fn effects_that_no_surface_has_add_no_node_and_load_nothing() {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
+    let dir = Room::new();
+    dir.write("t.csv", along(25.0));
     let kinds_of = |effects: &[&str], parts: &str| {
-        write_text(dir.path(), &format!("{parts}{STROKE}{}", tiles(effects)));
-        kinds(&check(dir.path(), "s.ron"))
+        write_text(&dir, &format!("{parts}{STROKE}{}", tiles(effects)));
+        kinds(&check(&dir, "s.ron"))
     };
     // The model is not even there.
     let absent = parts(48_000).replace("texture.onnx", "gone.onnx").replace("hapcoil_one", "gone.ron");
     let bare = kinds_of(&[WALL, WALL], &absent);
     assert_eq!(bare, ["trajectory", "velocity", "contact", "mix", "force_limiter", "probe"]);
-    let texture = kinds_of(&[&format!("{WALL}, {LOOP}"), WALL], &parts(48_000));
+    let texture = kinds_of(&[&wall(LOOP), WALL], &parts(48_000));
     for kind in ["texture_network", "action_history", "friction", "tap", "autoregressive", "relief", "magnet"]
     {
         assert!(!texture.iter().any(|k| k == kind), "{kind}");
@@ -182,7 +185,7 @@ fn effects_that_no_surface_has_add_no_node_and_load_nothing() {
         (0..4).map(|_| "stiffness: (stiffness_n_per_mm: 0.5), texture: network").collect();
     let four = kinds_of(&networks, &parts(48_000));
     assert_eq!((count(&four, "texture_network"), count(&four, "contact")), (1, 1));
-    run(dir.path(), &["check", "s.ron"]).ok().says(&["canvas, oak, denim, hessian"]);
+    dir.run("check s.ron").ok().says(&["canvas, oak, denim, hessian"]);
     // Every effect on its own adds its own nodes and no other's.
     for (effects, kind) in [
         ("friction: dahl", "friction"),
@@ -202,23 +205,18 @@ fn effects_that_no_surface_has_add_no_node_and_load_nothing() {
 
 #[test]
 fn a_thousand_tiles_lower_to_no_more_nodes_than_four_of_them() {
-    let dir = tempfile::tempdir().unwrap();
-    let thousand = check(dir.path(), &shipped("thousand.ron"));
+    let dir = Room::new();
+    let thousand = check(&dir, &shipped("thousand"));
     let nodes = |checked: &Value| checked["nodes"].as_array().unwrap().len();
     let facts =
         &thousand["nodes"].as_array().unwrap().iter().find(|n| n["kind"] == "contact").unwrap()["facts"];
     assert_eq!((&facts["surfaces"], &facts["walls"]), (&Value::from(1000), &Value::from(1000)));
-    let ar = graphs("models/made_ar/rough.ron").display().to_string();
-    let effects = [
-        format!("{WALL}, friction: lugre, texture: network"),
-        format!("{WALL}, {LOOP}"),
-        format!("{WALL}, texture: autoregressive(model: \"{ar}\")"),
-        format!("{WALL}, texture: network"),
-    ];
+    let effects =
+        [wall("friction: lugre, texture: network"), wall(LOOP), wall(&ar("rough")), wall("texture: network")];
     let effects: Vec<&str> = effects.iter().map(String::as_str).collect();
-    std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
-    write(dir.path(), &effects);
-    assert_eq!(nodes(&thousand), nodes(&check(dir.path(), "s.ron")));
+    dir.write("t.csv", along(25.0));
+    write(&dir, &effects);
+    assert_eq!(nodes(&thousand), nodes(&check(&dir, "s.ron")));
     let count = |kind: &str| kinds(&thousand).iter().filter(|k| *k == kind).count();
     assert_eq!((count("texture_network"), count("waveform"), count("autoregressive")), (1, 2, 2));
 }
@@ -226,18 +224,18 @@ fn a_thousand_tiles_lower_to_no_more_nodes_than_four_of_them() {
 /// Textures sleep off the surface and at rest, friction off the surface, taps without a contact.
 #[test]
 fn effects_are_called_only_where_they_act() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 4, gain: 40)])";
     let effects = format!(
         "{WALL}, texture: [network, waveform(segments: [(0, 0), (0.5, 4), (1, 0)])], friction: dahl, {tap}"
     );
-    let scene = parts(48_000) + STROKE + &tiles(&[&effects]);
+    let text = scene(48_000, &[&effects]);
     let ids = "texture,phase,audio rate,network level,waveform a,waveform a level,friction,tap";
     let ids: Vec<&str> = ids.split(',').collect();
     let all = |report: &Value| -> Vec<u64> { ids.iter().map(|id| calls(report, id)).collect() };
     // Over it, never down: not once.
     let over = csv(2.0, |t| [-38.0 + 15.0 * t, 0.0, 0.5]);
-    let report = rendered(dir.path(), &scene, &over, &[]);
+    let report = rendered(&dir, &text, &over, &[]);
     assert_eq!(all(&report)[..6], [0; 6], "{:?}", all(&report));
     // Friction lets go once, at the start, and so does a tap.
     assert!(all(&report)[6..].iter().all(|n| *n <= 1), "{:?}", all(&report));
@@ -246,7 +244,7 @@ fn effects_are_called_only_where_they_act() {
 
     // Down for 1 s and at rest there: a tap, friction, no texture.
     let press = csv(3.0, |t| [-30.0, 0.0, if (1.0..2.0).contains(&t) { -1.0 } else { 0.4 }]);
-    let report = rendered(dir.path(), &scene, &press, &[]);
+    let report = rendered(&dir, &text, &press, &[]);
     let found = all(&report);
     assert_eq!(found[..6], [0; 6], "{found:?}");
     assert!((500..=502).contains(&found[6]), "{found:?}");
@@ -254,92 +252,77 @@ fn effects_are_called_only_where_they_act() {
 
     // Slower than the gate: nothing either. Faster: for as long as that.
     let creep = csv(3.0, |t| [-38.0 + 3.0 * t, 0.0, -1.0]);
-    assert_eq!(all(&rendered(dir.path(), &scene, &creep, &[]))[..6], [0; 6]);
-    let report = rendered(dir.path(), &scene, &along(12.0), &[]);
+    assert_eq!(all(&rendered(&dir, &text, &creep, &[]))[..6], [0; 6]);
+    let report = rendered(&dir, &text, &along(12.0), &[]);
     let found = all(&report);
     // 1.5 s of motion, and what the low-pass and the gate's fade add.
     assert!(found[..6].iter().all(|n| (740..800).contains(n)), "{found:?}");
     // Not to sleep is to be called.
-    let report = rendered(dir.path(), &scene, &along(12.0), &["--no-sleep"]);
+    let report = rendered(&dir, &text, &along(12.0), &["--no-sleep"]);
     assert!(ids.iter().all(|id| calls(&report, id) == report["ticks"].as_u64().unwrap()));
 }
 
-/// The samples of a scene with and without pruning and sleeping.
-fn both_ways(dir: &Path, scene: &str, seconds: Option<&str>) {
-    let mut args = vec!["render", scene, "--quiet"];
-    args.extend(seconds.into_iter().flat_map(|s| ["--seconds", s]));
-    let ways: [&[&str]; 4] = [
-        &["--out", "lean.wav", "--probe", "force limiter.force=lean.npy"],
-        &["--out", "whole.wav", "--probe", "force limiter.force=whole.npy", "--no-prune", "--no-sleep"],
-        &["--out", "awake.wav", "--probe", "force limiter.force=awake.npy", "--no-sleep"],
-        &["--out", "built.wav", "--probe", "force limiter.force=built.npy", "--no-prune"],
-    ];
-    for way in ways {
-        run(dir, &[&args[..], way].concat()).ok();
-    }
-    let bytes = |name: &str| std::fs::read(dir.join(name)).unwrap();
-    let (samples, _) = wav(&dir.join("lean.wav"));
-    assert!(samples.iter().any(|x| x.abs() > 0.003), "{scene} is silent");
-    for name in ["whole", "awake", "built"] {
-        assert!(bytes("lean.wav") == bytes(&format!("{name}.wav")), "{scene}: {name}");
-        assert!(bytes("lean.npy") == bytes(&format!("{name}.npy")), "{scene}: forces, {name}");
-    }
+/// Compares the sound and the force of a scene with and without pruning and sleeping.
+fn both_ways(dir: &Room, scene: &str, seconds: u32) {
+    let [lean, whole] = ["", " --no-prune --no-sleep"].map(|way| {
+        let probe = "--probe 'force limiter.force=f.npy'";
+        dir.run(&format!("render {scene} --quiet --seconds {seconds} --out o.wav {probe}{way}")).ok();
+        (dir.wav("o.wav").0, dir.npy("f.npy"))
+    });
+    assert!(lean.0.iter().any(|x| x.abs() > 0.003), "{scene} is silent");
+    assert!(lean.0 == whole.0 && lean.1 == whole.1, "{scene}");
 }
 
 #[test]
 fn sound_is_the_same_bits_with_everything_built_and_awake() {
-    let dir = tempfile::tempdir().unwrap();
-    for name in ["side_by_side.ron", "every_effect.ron"] {
-        both_ways(dir.path(), &shipped(name), None);
+    let dir = Room::new();
+    for name in ["side_by_side", "every_effect", "thousand", "twelve"] {
+        both_ways(&dir, &shipped(name), 4);
     }
-    both_ways(dir.path(), &shipped("thousand.ron"), Some("3"));
-    both_ways(dir.path(), &shipped("twelve.ron"), Some("3"));
     // At rates that do not divide, and with taps, rests and hops over an edge.
-    let ar = graphs("models/made_ar/ringing.ron").display().to_string();
     let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 9, gain: 40)])";
-    let scene = parts(44_100)
-        + STROKE
-        + &tiles(&[
+    let text = scene(
+        44_100,
+        &[
             &format!("{WALL}, friction: lugre, {LOOP}, {tap}"),
             &format!(
-                "{WALL}, texture: [network, autoregressive(model: \"{ar}\")], \
-                 vibration: (frequency_hz: 90, amplitude_m_s2: 1)"
+                "{WALL}, texture: [network, {}], \
+                 vibration: (frequency_hz: 90, amplitude_m_s2: 1)",
+                ar("ringing").replace("texture: ", "")
             ),
             &format!("{WALL}, texture: relief(heights: made(surface: \"hessian\", side: 64)), {tap}"),
-        ]);
+        ],
+    );
     let hops = csv(6.0, |t| {
         let x = -12.0 + 26.0 * (1.1 * t).sin() + 4.0 * (13.0 * t).sin();
         [x, 3.0 * t.cos(), -0.6 + 1.5 * (2.3 * t).sin()]
     });
-    write_text(dir.path(), &scene);
-    std::fs::write(dir.path().join("t.csv"), hops).unwrap();
-    both_ways(dir.path(), "s.ron", None);
+    write_text(&dir, &text);
+    dir.write("t.csv", hops);
+    both_ways(&dir, "s.ron", 6);
 }
 
 /// No step is larger than those of the steady signals.
 #[test]
 fn sleeping_waking_and_crossing_make_no_step() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     let other = LOOP.replace("(0.5, 4)", "(0.3, 5)");
-    let ar = graphs("models/made_ar/rough.ron").display().to_string();
     for pair in [
-        [format!("{WALL}, {LOOP}"), format!("{WALL}, {other}")],
-        [format!("{WALL}, texture: network"), format!("{WALL}, texture: network")],
-        [format!("{WALL}, texture: autoregressive(model: \"{ar}\")"), format!("{WALL}, {LOOP}")],
-        [format!("{WALL}, texture: network"), format!("{WALL}, {LOOP}")],
+        [wall(LOOP), wall(&other)],
+        [wall("texture: network"), wall("texture: network")],
+        [wall(&ar("rough")), wall(LOOP)],
         [
-            format!("{WALL}, texture: relief(heights: made(surface: \"hessian\", side: 64), gain: 0.3)"),
-            format!("{WALL}, texture: autoregressive(model: \"{ar}\")"),
+            wall("texture: relief(heights: made(surface: \"hessian\", side: 64), gain: 0.3)"),
+            wall(&ar("rough")),
         ],
-        [format!("{WALL}, vibration: (frequency_hz: 150, amplitude_m_s2: 3)"), format!("{WALL}, {LOOP}")],
+        [wall("vibration: (frequency_hz: 150, amplitude_m_s2: 3)"), wall(LOOP)],
     ] {
-        let scene = parts(48_000) + STROKE + &tiles(&[&pair[0], &pair[1]]);
+        let text = scene(48_000, &[&pair[0], &pair[1]]);
         // Acceleration, before the actuator's filters could hide anything.
         let probe = ["--probe", "acceleration.out=a.npy", "--seconds", "3"];
         let largest = |stroke: &str| -> f64 {
-            rendered(dir.path(), &scene, stroke, &probe);
-            let all = harness::live::npy(&dir.path().join("a.npy"));
-            all.windows(2).map(|w| f64::from((w[1] - w[0]).abs())).fold(0.0, f64::max)
+            rendered(&dir, &text, stroke, &probe);
+            f64::from(harness::live::largest_step(&dir.npy("a.npy")))
         };
         // To and fro without a jump of speed; at rest where it turns anyway, off it and down again.
         let phase = |t: f64, rests: bool| {
@@ -365,10 +348,10 @@ fn sleeping_waking_and_crossing_make_no_step() {
 
 #[test]
 fn scene_error_has_its_place_and_nothing_is_written() {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
+    let dir = Room::new();
+    dir.write("t.csv", along(25.0));
     let line = |text: &str, what: &str| text[..text.find(what).unwrap()].matches('\n').count() + 1;
-    let wall_network = format!("{WALL}, texture: network");
+    let wall_network = wall("texture: network");
     for (effects, from, to, message) in [
         (wall_network.as_str(), "canvas", "canvass", "did you mean"),
         (&wall_network, "texture: network", "texture: netwrk", "did you mean `network`"),
@@ -384,52 +367,50 @@ fn scene_error_has_its_place_and_nothing_is_written() {
         (&wall_network, "material: \"canvas\", ", "", "no material"),
         (&wall_network, "texture: network", "texture: autoregressive(model: \"gone.ron\")", "gone.ron"),
     ] {
-        let scene = format!("Scene(\n{}{STROKE}{})\n", parts(48_000), tiles(&[effects]));
+        let scene = format!("Scene(\n{})\n", scene(48_000, &[effects]));
         assert!(scene.contains(from), "{from}");
         let bad = scene.replacen(from, to, 1);
-        std::fs::write(dir.path().join("s.ron"), &bad).unwrap();
-        let ran = run(dir.path(), &["render", "s.ron", "--out", "o.wav"]);
+        dir.write("s.ron", &bad);
+        let ran = dir.run("render s.ron --out o.wav");
         let place = format!("s.ron:{}:", line(&scene, from));
         assert!(ran.code == 2 && ran.err.contains(message), "{to}: {}", ran.err);
         // A file that is not there is told of first, and then who asks for it.
         let says = if message == "gone.ron" { ran.err.contains(&place) } else { ran.err.starts_with(&place) };
         assert!(says, "{place} {to}: {}", ran.err);
     }
-    assert_eq!(files(dir.path()), ["s.ron", "t.csv"]);
+    assert_eq!(dir.files(), ["s.ron", "t.csv"]);
 }
 
 #[test]
 fn unpassive_stiffness_is_a_warning_and_an_error_if_strict() {
-    let dir = tempfile::tempdir().unwrap();
-    std::fs::write(dir.path().join("t.csv"), along(25.0)).unwrap();
+    let dir = Room::new();
+    dir.write("t.csv", along(25.0));
     let stiff = "stiffness: (stiffness_n_per_mm: 5)";
-    write(dir.path(), &[stiff, stiff, WALL]);
-    let ran = run(dir.path(), &["check", "s.ron"]).ok();
+    write(&dir, &[stiff, stiff, WALL]);
+    let ran = dir.run("check s.ron").ok();
     assert_eq!(ran.err.matches("warning").count(), 1, "once for both: {}", ran.err);
     ran.says(&["warning", "s.ron:", "N/mm"]);
-    run(dir.path(), &["check", "s.ron", "--strict"]).refused("error").says(&["N/mm"]);
+    dir.run("check s.ron --strict").refused("error").says(&["N/mm"]);
     // 0.5 N/mm at 500 Hz asks for 0.5 N s/m of the device.
-    write(dir.path(), &[WALL]);
-    let ran = run(dir.path(), &["check", "s.ron", "--strict"]).ok();
+    write(&dir, &[WALL]);
+    let ran = dir.run("check s.ron --strict").ok();
     assert!(!ran.err.contains("warning"), "{}", ran.err);
 }
 
 #[test]
 fn explain_tells_if_and_why_an_effect_is_built_and_its_cost() {
-    let dir = tempfile::tempdir().unwrap();
-    let scene = parts(48_000)
-        + STROKE
-        + &tiles(&[&format!("{WALL}, friction: dahl, {LOOP}"), WALL, "", &format!("{WALL}, {LOOP}")]);
-    rendered(dir.path(), &scene, &along(25.0), &[]);
-    let told = run(dir.path(), &["scene", "explain", "s.ron"]).ok().out;
+    let dir = Room::new();
+    let text = scene(48_000, &[&format!("{WALL}, friction: dahl, {LOOP}"), WALL, "", &wall(LOOP)]);
+    rendered(&dir, &text, &along(25.0), &[]);
+    let told = dir.run("scene explain s.ron").ok().out;
     for line in ["network", "tap", "magnet", "autoregressive"] {
         let line = told.lines().find(|l| l.starts_with(line)).unwrap_or_else(|| panic!("{line}: {told}"));
         assert!(line.contains(" no ") && line.contains("no surface has it"), "{line}");
     }
     assert!(told.contains("texture.onnx: not loaded: no surface has a network texture"), "{told}");
     assert!(told.contains("no effect: it cannot be felt"), "{told}");
-    let report = json(&dir.path().join("r.json"));
-    let json = parsed(&run(dir.path(), &["scene", "explain", "s.ron", "--json"]).ok().out);
+    let report = dir.json("r.json");
+    let json = dir.run("scene explain s.ron --json").json();
     let effect = |name: &str| {
         json["effects"].as_array().unwrap().iter().find(|e| e["effect"] == name).cloned().unwrap()
     };

@@ -1,9 +1,8 @@
 //! `asperity render SCENE --plot`: the scene from above, with what was felt where.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
-use harness::{csv, graphs, run};
+use harness::{Room, csv};
 
 /// Five tiles of 20 mm side by side from x = -50 on, each with something of its own; the last is not reached.
 const SCENE: &str = r#"Scene(
@@ -40,11 +39,11 @@ fn stroke() -> String {
 }
 
 /// The picture of a scene and a stroke.
-fn plotted(dir: &Path, scene: &str, stroke: &str, more: &[&str]) -> String {
-    std::fs::write(dir.join("s.ron"), scene).unwrap();
-    std::fs::write(dir.join("t.csv"), stroke).unwrap();
-    run(dir, &[&["render", "s.ron", "--plot", "p.svg", "--quiet"], more].concat()).ok();
-    std::fs::read_to_string(dir.join("p.svg")).unwrap()
+fn plotted(dir: &Room, scene: &str, stroke: &str, more: &str) -> String {
+    dir.write("s.ron", scene);
+    dir.write("t.csv", stroke);
+    dir.run(&format!("render s.ron --plot p.svg --quiet {more}")).ok();
+    dir.text("p.svg")
 }
 
 /// Texts of a picture in their order, each with its x.
@@ -87,8 +86,8 @@ fn span(svg: &str, effect: &str) -> (f64, f64) {
 
 #[test]
 fn every_effect_is_shown_where_and_as_long_as_it_was_felt() {
-    let dir = tempfile::tempdir().unwrap();
-    let svg = plotted(dir.path(), SCENE, &stroke(), &[]);
+    let dir = Room::new();
+    let svg = plotted(&dir, SCENE, &stroke(), "");
     let at = |text: &str| svg.find(text).unwrap_or_else(|| panic!("no {text}"));
     assert!(at("From above") < at("Position") && at("Position") < at("Normal force"));
     assert!(svg.contains(">s</text>"), "the title is the scene's name");
@@ -146,8 +145,8 @@ fn tinted(svg: &str) -> Vec<(f64, f64)> {
 
 #[test]
 fn only_where_a_texture_is_felt_is_tinted() {
-    let dir = tempfile::tempdir().unwrap();
-    let svg = plotted(dir.path(), SCENE, &stroke(), &[]);
+    let dir = Room::new();
+    let svg = plotted(&dir, SCENE, &stroke(), "");
     assert!(svg.contains(">texture active<"));
     let tinted = tinted(&svg);
     // On the ripples, from x = 10, from 2.175 s to the rest at 2.55 s; as long as the gate closes, not
@@ -159,31 +158,28 @@ fn only_where_a_texture_is_felt_is_tinted() {
     // Without a texture nothing is.
     let (before, rest) = SCENE.split_once("        \"ripples\"").unwrap();
     let (_, after) = rest.split_once("        \"never\"").unwrap();
-    let svg = plotted(dir.path(), &format!("{before}        \"never\"{after}"), &stroke(), &[]);
+    let svg = plotted(&dir, &format!("{before}        \"never\"{after}"), &stroke(), "");
     assert!(!svg.contains("texture active") && self::tinted(&svg).is_empty());
 }
 
 #[test]
 fn picture_is_the_same_with_everything_built_and_awake() {
-    let dir = tempfile::tempdir().unwrap();
-    let picture = plotted(dir.path(), SCENE, &stroke(), &[]);
-    for more in [&["--no-sleep"][..], &["--no-prune"], &["--no-sleep", "--no-prune"]] {
-        assert!(plotted(dir.path(), SCENE, &stroke(), more) == picture, "{more:?}");
-    }
+    let dir = Room::new();
+    let [lean, whole] = ["", "--no-sleep --no-prune"].map(|more| plotted(&dir, SCENE, &stroke(), more));
+    assert!(lean == whole);
 }
 
 #[test]
 fn a_graph_has_no_picture_from_above() {
-    let dir = tempfile::tempdir().unwrap();
-    let graph = graphs("heravi2024.ron").display().to_string();
-    run(dir.path(), &["render", &graph, "--plot", "p.svg", "--seconds", "2", "--quiet"]).ok();
-    let svg = std::fs::read_to_string(dir.path().join("p.svg")).unwrap();
+    let dir = Room::new();
+    dir.run("render graphs/heravi2024.ron --plot p.svg --seconds 2 --quiet").ok();
+    let svg = dir.text("p.svg");
     assert!(!svg.contains("From above") && !svg.contains("clipPath") && svg.contains(">canvas: heravi2024<"));
 }
 
 #[test]
 fn a_thousand_tiles_and_a_long_scribble_are_a_small_file() {
-    let dir = tempfile::tempdir().unwrap();
+    let dir = Room::new();
     let mut scene = String::from(
         "Scene(version: 1, tick_hz: 4000, audio_hz: 48000, input: trajectory(file: \"t.csv\", \
          interpolation: linear), surfaces: {\n",
@@ -201,7 +197,7 @@ fn a_thousand_tiles_and_a_long_scribble_are_a_small_file() {
     // 25 s over all of it at up to 2 m/s, of which 20 are drawn.
     let at = |t: f64| [60.0 * (31.0 * t).sin(), 60.0 * (27.3 * t).cos(), -0.5];
     let scribble = csv(25.0, at);
-    let svg = plotted(dir.path(), &scene, &scribble, &[]);
+    let svg = plotted(&dir, &scene, &scribble, "");
     assert!(svg.contains("first 20 s") && !svg.contains("tile "));
     assert!(svg.len() < 2_000_000, "{}", svg.len());
     let drawn = part(&svg, "touching").unwrap();

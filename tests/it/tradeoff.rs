@@ -1,12 +1,10 @@
 //! `asperity tradeoff` and `asperity choose`.
 
-use std::path::Path;
-
-use harness::{asperity, graphs, json, retrieving, run, run_line};
+use harness::{Room, asperity, graphs, retrieving, run};
 use serde_json::Value;
 
 /// Writes a trade-off with one short stroke over one material.
-fn tradeoff(dir: &Path, grids: &str) {
+fn tradeoff(dir: &Room, grids: &str) {
     let graph = retrieving().canonicalize().expect("the shipped graph");
     let paper = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
     let text = format!(
@@ -22,7 +20,7 @@ fn tradeoff(dir: &Path, grids: &str) {
             times: (turns: 2, turn_ms: 40, batch: 3),
         )"#
     );
-    std::fs::write(dir.join("tradeoff.ron"), text).expect("a file");
+    dir.write("tradeoff.ron", text);
 }
 
 const TWO: &str = r#"(name: "phase", knobs: {"phase": [(kind: "spsi"), (kind: "no_such_kind")]}),
@@ -37,12 +35,12 @@ const STILL: &str = r#"Graph(version: 1, nodes: {"tone": (kind: "sine"), "out": 
 const QUICK: [&str; 6] = ["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases", "-q"];
 
 /// The results in a folder.
-fn stored(dir: &Path, folder: &str) -> Value {
-    json(&dir.join(folder).join("results.json"))
+fn stored(dir: &Room, folder: &str) -> Value {
+    dir.json(&format!("{folder}/results.json"))
 }
 
 /// Runs the trade-off; its results.
-fn traded(dir: &Path) -> Value {
+fn traded(dir: &Room) -> Value {
     run(dir, &QUICK).ok();
     stored(dir, "out")
 }
@@ -64,11 +62,11 @@ fn row<'r>(results: &'r Value, name: &str) -> &'r Value {
 /// It reports the cost and the accuracy of each setting.
 #[test]
 fn tradeoff_measures_each_setting_and_resumes() {
-    let dir = tempfile::tempdir().expect("a folder");
-    tradeoff(dir.path(), TWO);
-    let args = ["tradeoff", "tradeoff.ron", "--out", "out", "--jobs", "2", "--no-cases"];
-    run(dir.path(), &args).ok().says(&["`no_such_kind` is left out", "D the default", "REPORT.md"]);
-    let results = stored(dir.path(), "out");
+    let dir = Room::new();
+    tradeoff(&dir, TWO);
+    let line = "tradeoff tradeoff.ron --out out --jobs 2 --no-cases";
+    dir.run(line).ok().says(&["`no_such_kind` is left out", "D the default", "REPORT.md"]);
+    let results = stored(&dir, "out");
     let found = names(&results);
     // Two frames and `kept` are the default, and no settings of their own.
     assert_eq!(
@@ -98,32 +96,30 @@ fn tradeoff_measures_each_setting_and_resumes() {
     assert_eq!(figures("guards=false"), figures("default"));
     assert!(results["model"]["spectrum"].is_f64() && results["noise_floor"]["spectrum"].is_f64());
     let files = "results.csv REPORT.md perceptual_time.svg modulation_lag.svg convergence_time.svg";
-    files.split(' ').for_each(|file| assert!(dir.path().join("out").join(file).exists(), "{file}"));
-    let csv = std::fs::read_to_string(dir.path().join("out/results.csv")).expect("a table");
+    files.split(' ').for_each(|file| assert!(dir.join("out").join(file).exists(), "{file}"));
+    let csv = dir.text("out/results.csv");
     assert_eq!(csv.lines().count(), 1 + found.len());
 
     // Once more: everything is known, and equal to the last digit, times too.
-    run(dir.path(), &args).ok().says(&["6 settings"]);
-    assert_eq!(stored(dir.path(), "out"), results);
+    dir.run(line).ok().says(&["6 settings"]);
+    assert_eq!(stored(&dir, "out"), results);
 }
 
 #[test]
 fn baseline_is_compared_with_its_share_of_the_physics() {
-    let dir = tempfile::tempdir().expect("a folder");
-    tradeoff(dir.path(), "");
-    let path = dir.path().join("tradeoff.ron");
-    let text = std::fs::read_to_string(&path).expect("a file");
+    let dir = Room::new();
+    tradeoff(&dir, "");
     let graph = graphs("heravi2024.ron").canonicalize().expect("the shipped graph");
     let baselines = format!("baselines: [(name: \"half\", graph: {graph:?}, strength: 0.5), ");
-    std::fs::write(&path, text.replace("baselines: [", &baselines)).expect("a file");
-    let results = traded(dir.path());
+    dir.write("tradeoff.ron", dir.text("tradeoff.ron").replace("baselines: [", &baselines));
+    let results = traded(&dir);
     // The error of the level is 6 dB smaller against half of the physics.
     let less = figure(&results, "paper", "level") - figure(&results, "half", "level");
     assert!((less - 6.02).abs() < 0.1, "{less} dB");
 }
 
 /// Writes a recording of 1.5 s along a line, with noise of this peak in m/s^2.
-fn recording(dir: &Path, peak: f64) {
+fn recording(dir: &Room, peak: f64) {
     let mut text = String::from("t_s,force_n,x_mm,y_mm,ax_m_s2\n");
     let mut seed = 1_u64;
     for n in 0..3000 {
@@ -132,26 +128,26 @@ fn recording(dir: &Path, peak: f64) {
         let t = f64::from(n) / 2000.0;
         text += &format!("{t:.4},0.8,{:.4},0,{noise:.9}\n", 80.0 * t);
     }
-    std::fs::write(dir.join("mine.csv"), text).expect("a recording");
+    dir.write("mine.csv", text);
 }
 
 #[test]
 fn setting_is_compared_with_a_recorded_stroke() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     let graph = retrieving().canonicalize().expect("the shipped graph");
     let write = |of: &str| {
         let text = format!(
             r#"Tradeoff(version: 1, graph: {graph:?}, steps: 10, times: (turns: 2, turn_ms: 40, batch: 3),
                 strokes: [(name: "mine", recording: "mine.csv"{of})], materials: ["sandpaper P120"])"#
         );
-        std::fs::write(dir.path().join("tradeoff.ron"), text).expect("a file");
+        dir.write("tradeoff.ron", text);
     };
-    recording(dir.path(), 30.0);
+    recording(&dir, 30.0);
     write("");
-    run(dir.path(), &QUICK).refused("the recording `mine` does not say its material");
+    run(&dir, &QUICK).refused("the recording `mine` does not say its material");
     write(", material: \"canvas\"");
     let level = || {
-        let results = traded(dir.path());
+        let results = traded(&dir);
         // It is played over its own material only.
         assert_eq!(results["materials"], serde_json::json!(["sandpaper P120", "canvas"]));
         let figures = &row(&results, "default")["figures"];
@@ -160,27 +156,26 @@ fn setting_is_compared_with_a_recorded_stroke() {
     };
     let quiet = level();
     // The file has changed, and is measured again: all bins are four times as large.
-    recording(dir.path(), 120.0);
+    recording(&dir, 120.0);
     let by = level() - quiet;
     assert!((by - 20.0 * 4_f64.log10()).abs() < 1e-3, "{by} dB");
 }
 
 #[test]
 fn shards_merge_and_the_choice_can_be_pasted() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     tradeoff(
-        dir.path(),
+        &dir,
         r#"(name: "g", knobs: {"phase.frames": [1, 3], "tick_hz": [1000]}),
         (name: "p", knobs: {"phase": [(kind: "spsi")]})"#,
     );
     for part in ["1", "2"] {
-        let shard = format!("{part}/2");
-        let part = ["tradeoff", "tradeoff.ron", "--out", part, "--shard", &shard, "--no-cases", "-q"];
-        run(dir.path(), &[&part[..], &["--set", "strength.gain=0.34"]].concat()).ok();
+        let shard = format!("--out {part} --shard {part}/2");
+        dir.run(&format!("tradeoff tradeoff.ron {shard} --no-cases -q --set strength.gain=0.34")).ok();
     }
-    let parts = ["1", "2"].map(|p| stored(dir.path(), p));
+    let parts = ["1", "2"].map(|p| stored(&dir, p));
     assert!(parts.iter().all(|part| names(part)[0] == "default"));
-    std::fs::create_dir(dir.path().join("half")).expect("a folder");
+    std::fs::create_dir(dir.join("half")).expect("a folder");
     for (line, why) in [
         ("merge --out no 1 1", "shard 1 of 2 is given twice"),
         ("merge --out no 1 gone", "cannot read this file"),
@@ -188,14 +183,14 @@ fn shards_merge_and_the_choice_can_be_pasted() {
         ("merge 2 1/results.json --out 1", "would be overwritten by the merged"),
         ("merge 2 1/results.json --out half/../1", "would be overwritten by the merged"),
     ] {
-        run_line(dir.path(), &format!("tradeoff {line}")).refused(why);
+        dir.run(&format!("tradeoff {line}")).refused(why);
     }
-    assert_eq!(stored(dir.path(), "1"), parts[0]);
-    run_line(dir.path(), "tradeoff merge 1 --out half -q").ok().says(&["missing shards: 2 of 2"]);
-    let report = std::fs::read_to_string(dir.path().join("half/REPORT.md")).expect("a report");
+    assert_eq!(stored(&dir, "1"), parts[0]);
+    dir.run("tradeoff merge 1 --out half -q").ok().says(&["missing shards: 2 of 2"]);
+    let report = dir.text("half/REPORT.md");
     assert!(report.contains("Missing shards: 2 of 2"), "{report}");
-    run(dir.path(), &["tradeoff", "merge", "1", "2", "--out", "all", "-q"]).ok();
-    let all = stored(dir.path(), "all");
+    dir.run("tradeoff merge 1 2 --out all -q").ok();
+    let all = stored(&dir, "all");
     let mut found = names(&all);
     found.sort();
     assert_eq!(
@@ -209,7 +204,7 @@ fn shards_merge_and_the_choice_can_be_pasted() {
     assert!((load(&all, &other) / (load(&parts[1], &other) * factor) - 1.0).abs() < 1e-9);
 
     // The best setting at 1000 Hz, pasted into the graph, runs.
-    let chosen = run(dir.path(), &["choose", "all", "--tick-hz", "1000"]).ok().out;
+    let chosen = dir.run("choose all --tick-hz 1000").ok().out;
     assert!(
         chosen.contains("tick_hz: 1000,") && chosen.contains("\"phase\": (kind: \"sample_commit\""),
         "{chosen}"
@@ -222,10 +217,10 @@ fn shards_merge_and_the_choice_can_be_pasted() {
     let pasted = text.replace(before, line).replace("tick_hz: 500,", "tick_hz: 1000,");
     let models = format!("{}/", graphs("").canonicalize().expect("graphs").display());
     let pasted = pasted.replace("../../graphs/", &models);
-    std::fs::write(dir.path().join("pasted.ron"), pasted).expect("a graph");
-    run(dir.path(), &["check", "pasted.ron"]).ok();
+    dir.write("pasted.ron", pasted);
+    dir.run("check pasted.ron").ok();
 
-    let spsi = run_line(dir.path(), "choose all --by convergence --tick-hz 500 --json").ok().out;
+    let spsi = dir.run("choose all --by convergence --tick-hz 500 --json").ok().out;
     let spsi: Value = serde_json::from_str(&spsi).expect("JSON");
     assert!(spsi["fit"].as_u64() >= Some(2), "{spsi}");
     for (line, code, says) in [
@@ -233,30 +228,42 @@ fn shards_merge_and_the_choice_can_be_pasted() {
         ("--max-lag-ms 0", 1, "the shortest response lag:"),
         ("--by spectrm", 2, "spectrum"),
     ] {
-        let ran = run_line(dir.path(), &format!("choose all {line}"));
-        assert!(ran.code == code && ran.err.contains(says), "{line}: {}", ran.err);
+        dir.run(&format!("choose all {line}")).ends(code, &[says]);
     }
 }
 
 #[test]
 fn errors_have_a_place_and_nothing_is_written() {
-    let dir = tempfile::tempdir().expect("a folder");
-    for (grids, want) in [
-        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "no graph has the knob `phase.frame`"),
-        (r#"(name: "g", knobs: {"phase.frame": [1]})"#, "did you mean `phase.frames`?"),
-        (r#"(name: "g", knobs: {"nothing": [kept]})"#, "no graph has the knob `nothing`"),
-        (r#"(name: "g", knobs: {"phase": [gone]})"#, "a node cannot be set to `gone`"),
-        (r#"(name: "g", knobs: {"phase.frames": []})"#, "this knob has no values"),
-        (r#"(name: "g", knobs: {".": [1]})"#, "is not a knob"),
-        (r#"(name: "g")"#, "knobs"),
+    let dir = Room::new();
+    let knobs = |text: &str| format!("grids: [(name: \"g\", knobs: {{{text}}})]");
+    for (from, to, want) in [
+        ("grids: []", &*knobs(r#""phase.frame": [1]"#), "no graph has the knob `phase.frame`"),
+        ("grids: []", &knobs(r#""phase.frame": [1]"#), "did you mean `phase.frames`?"),
+        ("grids: []", &knobs(r#""nothing": [kept]"#), "no graph has the knob `nothing`"),
+        ("grids: []", &knobs(r#""phase": [gone]"#), "a node cannot be set to `gone`"),
+        ("grids: []", &knobs(r#""phase.frames": []"#), "this knob has no values"),
+        ("grids: []", &knobs(r#"".": [1]"#), "is not a knob"),
+        ("grids: []", "grids: [(name: \"g\")]", "knobs"),
+        ("[\"canvas\"]", "[\"canvsa\"]", "did you mean `canvas`?"),
+        ("name: \"paper\"", "name: \"default\"", "a baseline cannot be named"),
+        ("baselines: [", "baselines: [(name: \"paper\", graph: \"g.ron\"), ", "is used twice"),
+        ("Tradeoff(", "Study(", "write `Tradeoff(...)`"),
+        ("sample_commit.ron", "no_such_graph.ron", "named here"),
+        ("heravi2024.ron", "no_such_graph.ron", "named here"),
+        ("speed_mm_s: 80.0", "speed_mm_s: -1.0", "`speed_mm_s` is -1"),
+        ("seconds: 1.5", "seconds: 0.1", "`seconds` is 0.1"),
+        ("seconds: 1.5", "seconds: 1e6", "at most 600"),
     ] {
-        tradeoff(dir.path(), grids);
-        run_line(dir.path(), "tradeoff tradeoff.ron --out out").refused(want).says(&["tradeoff.ron"]);
-        assert!(!dir.path().join("out").exists(), "{grids}");
+        tradeoff(&dir, "");
+        let text = dir.text("tradeoff.ron");
+        assert!(text.contains(from), "{from}");
+        dir.write("tradeoff.ron", text.replace(from, to));
+        dir.run("tradeoff tradeoff.ron --out out").refused(want).says(&["tradeoff.ron"]);
+        assert!(!dir.join("out").exists(), "{to}");
     }
     // A value that a node refuses is a row with an error; the others run.
-    tradeoff(dir.path(), r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
-    let results = traded(dir.path());
+    tradeoff(&dir, r#"(name: "g", knobs: {"phase.frames": [5, 0]})"#);
+    let results = traded(&dir);
     let why = row(&results, "phase.frames=0")["error"].as_str().expect("why");
     assert!(why.contains("out of range"), "{results}");
     assert!(row(&results, "default")["error"].is_null());
@@ -268,93 +275,63 @@ fn errors_have_a_place_and_nothing_is_written() {
         ("tradeoff merge gone --out o", "cannot read this file"),
         ("choose tradeoff.ron", "these are no results"),
     ] {
-        run_line(dir.path(), line).refused(want);
-    }
-}
-
-#[test]
-fn names_are_checked_before_anything_runs() {
-    let dir = tempfile::tempdir().expect("a folder");
-    let text = |from: &str, to: &str| {
-        tradeoff(dir.path(), TWO);
-        let path = dir.path().join("tradeoff.ron");
-        let text = std::fs::read_to_string(&path).expect("a file");
-        assert!(text.contains(from), "{from}");
-        std::fs::write(path, text.replace(from, to)).expect("a file");
-    };
-    let gone = "named here";
-    for (from, to, want) in [
-        ("[\"canvas\"]", "[\"canvsa\"]", "did you mean `canvas`?"),
-        ("name: \"paper\"", "name: \"default\"", "a baseline cannot be named"),
-        ("baselines: [", "baselines: [(name: \"paper\", graph: \"g.ron\"), ", "is used twice"),
-        ("Tradeoff(", "Study(", "write `Tradeoff(...)`"),
-        ("sample_commit.ron", "no_such_graph.ron", gone),
-        ("heravi2024.ron", "no_such_graph.ron", gone),
-        ("speed_mm_s: 80.0", "speed_mm_s: -1.0", "`speed_mm_s` is -1"),
-        ("seconds: 1.5", "seconds: 0.1", "`seconds` is 0.1"),
-        ("seconds: 1.5", "seconds: 1e6", "at most 600"),
-    ] {
-        text(from, to);
-        run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out"]).refused(want).says(&["tradeoff.ron"]);
-        assert!(!dir.path().join("out").exists(), "{to}");
+        dir.run(line).refused(want);
     }
 }
 
 #[test]
 fn tradeoff_without_a_running_setting_fails() {
-    let dir = tempfile::tempdir().expect("a folder");
-    std::fs::write(dir.path().join("still.ron"), STILL).expect("a graph");
+    let dir = Room::new();
+    dir.write("still.ron", STILL);
     let text = r#"Tradeoff(version: 1, graph: "still.ron", strokes: [(name: "circle", seconds: 1.5)])"#;
-    std::fs::write(dir.path().join("tradeoff.ron"), text).expect("a file");
-    let ran = run(dir.path(), &["tradeoff", "tradeoff.ron", "--out", "out", "--no-cases"]);
-    assert!(ran.code == 1 && ran.err.contains("nothing in this graph moves a stylus"), "{}", ran.err);
+    dir.write("tradeoff.ron", text);
+    dir.run("tradeoff tradeoff.ron --out out --no-cases").ends(1, &["nothing in this graph moves a stylus"]);
 }
 
 /// The warning comes before the study runs.
 #[test]
 fn shipped_tradeoff_skips_knobs_that_a_graph_lacks() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     // A graph without a stylus: all settings fail at once.
-    std::fs::write(dir.path().join("still.ron"), STILL).expect("a graph");
-    let ran = run(dir.path(), &["tradeoff", "still.ron", "--out", "out", "--no-cases"]);
-    assert_eq!(ran.code, 1, "{}", ran.err);
+    dir.write("still.ron", STILL);
+    let ran = dir.run("tradeoff still.ron --out out --no-cases").ends(1, &[]);
     for knob in ["phase", "texture.bins"] {
         assert!(ran.err.contains(&format!("`{knob}` is left out")), "{knob}: {}", ran.err);
     }
-    let results = stored(dir.path(), "out");
+    let results = stored(&dir, "out");
     assert!(names(&results).contains(&"tick_hz=1000".to_owned()), "{results}");
-    let report = std::fs::read_to_string(dir.path().join("out/REPORT.md")).expect("a report");
+    let report = dir.text("out/REPORT.md");
     assert!(report.contains("`texture.bins` is left out"), "{report}");
 }
 
 #[test]
 fn scene_is_measured_on_its_first_surface() {
-    let dir = tempfile::tempdir().expect("a folder");
-    tradeoff(dir.path(), "");
+    let dir = Room::new();
+    tradeoff(&dir, "");
     let scene = std::fs::read_to_string(graphs("scenes/side_by_side.ron")).expect("the shipped scene");
     let folder = graphs("scenes").canonicalize().expect("the folder").display().to_string();
     let scene = scene.replace("\"../", &format!("\"{folder}/../"));
     // In b the other surface and the material of the first differ.
-    std::fs::write(dir.path().join("a.ron"), &scene).expect("a scene");
+    dir.write("a.ron", &scene);
     let other = scene
         .replace("sandpaper P80", "oak")
         .replace("material: \"canvas\"", "material: \"leather grain, fine\"");
-    std::fs::write(dir.path().join("b.ron"), other).expect("a scene");
+    dir.write("b.ron", other);
     let mut figures = Vec::new();
     for (name, out) in [("a.ron", "a"), ("b.ron", "b")] {
-        run(dir.path(), &["tradeoff", "tradeoff.ron", name, "--out", out, "--no-cases"])
+        dir.run(&format!("tradeoff tradeoff.ron {name} --out {out} --no-cases"))
             .ok()
             .says(&["`circle` is shrunk", "`left`"]);
-        let results = stored(dir.path(), out);
+        let results = stored(&dir, out);
         let row = row(&results, "default").clone();
         assert!(row["error"].is_null() && row["lag_ms"][1].is_f64(), "{row}");
         let level = row["figures"]["level"].as_f64().expect("a level");
         assert!(level < 4.0, "{row}");
         figures.push(row["figures"].clone());
-        let report = std::fs::read_to_string(dir.path().join(out).join("REPORT.md")).expect("a report");
+        let report = dir.text(format!("{out}/REPORT.md"));
         let links = report.split("](").skip(1).filter_map(|l| l.split(')').next());
         for link in links.filter(|l| l.ends_with(".svg")) {
-            assert!(dir.path().join(out).join(link).exists(), "{link}");
+            assert!(dir.join(out).join(link).exists(), "{link}");
         }
     }
     assert_eq!(figures[0], figures[1]);
@@ -363,39 +340,39 @@ fn scene_is_measured_on_its_first_surface() {
 #[cfg(unix)]
 #[test]
 fn interrupted_tradeoff_resumes() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     tradeoff(
-        dir.path(),
+        &dir,
         r#"(name: "g", knobs: {"phase.frames": [1, 2, 3, 4, 6, 7, 8, 9], "phase.passes": [1, 2]})"#,
     );
-    let child = asperity(dir.path()).args(QUICK).spawn().expect("it starts");
+    let child = asperity(&dir).args(QUICK).spawn().expect("it starts");
     // As soon as two parts are finished.
-    while parts(dir.path()).len() < 2 {
+    while parts(&dir).len() < 2 {
         std::thread::sleep(std::time::Duration::from_millis(20));
     }
     let killed = std::process::Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(killed.expect("kill").success());
     let ended = child.wait_with_output().expect("it ends");
     assert_eq!(ended.status.code(), Some(130));
-    let results = stored(dir.path(), "out");
+    let results = stored(&dir, "out");
     let some = names(&results).len();
     assert!((1..17).contains(&some), "{some}");
-    let results = traded(dir.path());
+    let results = traded(&dir);
     assert_eq!(names(&results).len(), 17);
     assert!(results["rows"].as_array().expect("rows").iter().all(|r| r["time"].is_object()));
     assert_eq!(results["unfinished"], 0);
     // Results stay where the same command is stopped at once, and where another one has finished nothing.
-    let code = interrupted(dir.path(), &QUICK);
+    let code = interrupted(&dir, &QUICK);
     assert!(matches!(code, Some(0 | 130)), "{code:?}");
-    assert_eq!(stored(dir.path(), "out"), results);
-    let code = interrupted(dir.path(), &[&QUICK[..], &["--set", "strength.gain=0.34"]].concat());
+    assert_eq!(stored(&dir, "out"), results);
+    let code = interrupted(&dir, &[&QUICK[..], &["--set", "strength.gain=0.34"]].concat());
     assert_eq!(code, Some(130));
-    assert_eq!(stored(dir.path(), "out"), results);
+    assert_eq!(stored(&dir, "out"), results);
 }
 
 /// Exit code of a run that is interrupted as soon as it opens its folder; none of one that was killed.
 #[cfg(unix)]
-fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
+fn interrupted(dir: &Room, args: &[&str]) -> Option<i32> {
     let opened = || std::fs::metadata(dir.join("out/progress.jsonl")).and_then(|m| m.modified()).ok();
     let before = opened();
     let mut child = asperity(dir).args(args).spawn().expect("it starts");
@@ -409,61 +386,61 @@ fn interrupted(dir: &Path, args: &[&str]) -> Option<i32> {
 }
 
 /// Finished parts of `out`.
-fn parts(dir: &Path) -> Vec<String> {
+fn parts(dir: &Room) -> Vec<String> {
     let text = std::fs::read_to_string(dir.join("out/progress.jsonl")).unwrap_or_default();
     text.lines().skip(1).map(str::to_owned).collect()
 }
 
 #[test]
 fn changed_input_is_measured_again() {
-    let dir = tempfile::tempdir().expect("a folder");
+    let dir = Room::new();
     let profile = graphs("actuators/hapcoil_one.ron");
-    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    std::fs::copy(&profile, dir.join("mine.ron")).expect("a profile");
     let grid = |frames: &str| {
         format!(
             r#"(name: "g", knobs: {{"phase.frames": [{frames}]}}),
             (name: "h", knobs: {{"inverse.profile": ["mine.ron"]}})"#
         )
     };
-    tradeoff(dir.path(), &grid("1"));
-    traded(dir.path());
-    let first = parts(dir.path());
+    tradeoff(&dir, &grid("1"));
+    traded(&dir);
+    let first = parts(&dir);
     // Four settings, and two batches of at most three.
     assert_eq!(first.len(), 6);
     // The same again is read.
-    traded(dir.path());
-    assert_eq!(parts(dir.path()), first);
-    tradeoff(dir.path(), &grid("1, 3"));
-    traded(dir.path());
-    let more = parts(dir.path());
+    traded(&dir);
+    assert_eq!(parts(&dir), first);
+    tradeoff(&dir, &grid("1, 3"));
+    traded(&dir);
+    let more = parts(&dir);
     assert_eq!(more.len(), 7);
     // A file that one setting reads.
     let heavier = std::fs::read_to_string(&profile).expect("a profile").replace("g: 4.4,", "g: 5.4,");
-    std::fs::write(dir.path().join("mine.ron"), heavier).expect("a profile");
-    traded(dir.path());
-    let now = parts(dir.path());
+    dir.write("mine.ron", heavier);
+    traded(&dir);
+    let now = parts(&dir);
     let settings = |parts: &[String]| parts.iter().filter(|p| p.contains("\"Setting\"")).cloned().collect();
     let (before, after): (Vec<String>, Vec<String>) = (settings(&more), settings(&now));
     // All are measured again; the accuracy of one differs.
     assert_eq!((after.len(), after.iter().filter(|part| !before.contains(part)).count()), (5, 1));
-    let mine = || row(&traded(dir.path()), "inverse.profile=mine.ron")["error"].clone();
-    std::fs::write(dir.path().join("mine.ron"), "nothing").expect("a profile");
+    let mine = || row(&traded(&dir), "inverse.profile=mine.ron")["error"].clone();
+    dir.write("mine.ron", "nothing");
     assert!(mine().is_string());
-    std::fs::copy(&profile, dir.path().join("mine.ron")).expect("a profile");
+    std::fs::copy(&profile, dir.join("mine.ron")).expect("a profile");
     assert!(mine().is_null());
 }
 
 #[test]
 fn damaged_part_is_measured_again() {
-    let dir = tempfile::tempdir().expect("a folder");
-    tradeoff(dir.path(), "");
-    let results = traded(dir.path());
-    let path = dir.path().join("out/progress.jsonl");
+    let dir = Room::new();
+    tradeoff(&dir, "");
+    let results = traded(&dir);
+    let path = dir.join("out/progress.jsonl");
     let text = std::fs::read_to_string(&path).expect("parts");
     std::fs::write(&path, &text[..text.len() - 20]).expect("parts");
-    let now = traded(dir.path());
+    let now = traded(&dir);
     for name in names(&results) {
         assert_eq!(row(&now, &name)["figures"], row(&results, &name)["figures"]);
     }
-    assert_eq!(parts(dir.path()).len(), text.lines().count() - 1);
+    assert_eq!(parts(&dir).len(), text.lines().count() - 1);
 }

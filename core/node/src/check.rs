@@ -23,80 +23,73 @@ impl Descriptor {
     /// # Errors
     /// The first problem, with the kind and the port or parameter. It does not panic on any values.
     pub fn check(&self) -> Result<(), Diagnostic> {
-        self.problem().map_or(Ok(()), |what| {
-            Err(Diagnostic::new(format!("the descriptor of node kind {:?} is wrong: {what}", self.kind)))
+        self.rules().map_err(|what| {
+            Diagnostic::new(format!("the descriptor of node kind {:?} is wrong: {what}", self.kind))
         })
     }
 
-    fn problem(&self) -> Option<String> {
-        if !is_name(&self.kind) {
-            return Some(format!("its name is to be {NAME}"));
+    fn rules(&self) -> Check {
+        ensure(is_name(&self.kind), || format!("its name is to be {NAME}"))?;
+        ensure(self.summary.ends_with('.'), || {
+            "its summary is to be a sentence that ends with a full stop".to_owned()
+        })?;
+        list("input", &self.inputs, |p| (&p.name, &p.doc), input)?;
+        list("output", &self.outputs, |p| (&p.name, &p.doc), |p| shape(&p.shape))?;
+        list("parameter", &self.params, |p| (&p.name, &p.doc), param)?;
+        if let Some(gate) = &self.gate {
+            ensure(self.has_input(gate), || format!("it gates {gate:?}, and no input has that name"))?;
         }
-        if !self.summary.ends_with('.') {
-            return Some("its summary is to be a sentence that ends with a full stop".to_owned());
+        if let Some(delay) = &self.feedback {
+            let has = self.params.iter().any(|p| p.name == *delay && matches!(p.kind, ParamKind::Number(_)));
+            ensure(has, || format!("it closes cycles by {delay:?}, and no number parameter has that name"))?;
         }
-        list("input", &self.inputs, |p| (&p.name, &p.doc), input)
-            .or_else(|| list("output", &self.outputs, |p| (&p.name, &p.doc), |p| shape(&p.shape)))
-            .or_else(|| list("parameter", &self.params, |p| (&p.name, &p.doc), param))
-            .or_else(|| self.roles())
-            .or_else(|| self.effect.as_ref().and_then(|effect| self.wrong_effect(effect)))
+        ensure(!self.passive || self.sink, || "it only looks on, and is no sink".to_owned())?;
+        self.effect.as_ref().map_or(Ok(()), |effect| self.effect_rules(effect))
     }
 
-    /// The first problem of an effect.
-    fn wrong_effect(&self, effect: &Effect) -> Option<String> {
-        let input = |name: &str| self.inputs.iter().any(|p| p.name == name);
-        if !self.params.iter().any(|p| p.name == effect.list && p.kind == ParamKind::Texts) {
-            let list = &effect.list;
-            return Some(format!("its effect has the list {list:?}, and no list of texts has that name"));
-        }
-        if !input("slot") {
-            return Some("an effect needs an input `slot`".to_owned());
-        }
-        if let Some((name, _)) = effect.needs.iter().find(|(name, _)| !input(name)) {
-            return Some(format!("its effect needs {name:?}, and no input has that name"));
-        }
-        if let Some((_, quantity)) = effect.needs.iter().find(|(_, quantity)| !is_name(quantity)) {
-            return Some(format!("quantity {quantity:?}: a name is to be {NAME}"));
+    fn has_input(&self, name: &str) -> bool {
+        self.inputs.iter().any(|p| p.name == name)
+    }
+
+    fn effect_rules(&self, Effect { list: texts, acts, forms, needs, .. }: &Effect) -> Check {
+        let has = self.params.iter().any(|p| p.name == *texts && p.kind == ParamKind::Texts);
+        ensure(has, || format!("its effect has the list {texts:?}, and no list of texts has that name"))?;
+        ensure(self.has_input("slot"), || "an effect needs an input `slot`".to_owned())?;
+        for (name, quantity) in needs {
+            ensure(self.has_input(name), || {
+                format!("its effect needs {name:?}, and no input has that name")
+            })?;
+            ensure(is_name(quantity), || format!("quantity {quantity:?}: a name is to be {NAME}"))?;
         }
         let gives = self.outputs.first().map(|output| &output.shape);
-        if !matches!(gives, Some(ShapeSpec::Audio(_) | ShapeSpec::Control(3))) {
-            return Some("an effect first outputs a force of three values or a vibration".to_owned());
+        ensure(matches!(gives, Some(ShapeSpec::Audio(_) | ShapeSpec::Control(3))), || {
+            "an effect first outputs a force of three values or a vibration".to_owned()
+        })?;
+        ensure(!forms.is_empty(), || "its effect has no form".to_owned())?;
+        for form in forms {
+            let rules = || {
+                ensure(forms.len() == 1 || is_name(&form.name), || {
+                    format!("of several forms each has a name, {NAME}")
+                })?;
+                let same = forms.iter().filter(|other| other.name == form.name).count();
+                ensure(same == 1, || "there are two of them".to_owned())?;
+                list("field", &form.fields, |p| (&p.name, &p.doc), param)?;
+                let reach = form.fields.iter().any(|field| field.name == "reach_mm");
+                ensure(*acts != Acts::Near || reach, || {
+                    "an effect from both sides has the field `reach_mm`".to_owned()
+                })
+            };
+            rules().map_err(|problem: String| format!("form `{}`: {problem}", form.name))?;
         }
-        if effect.forms.is_empty() {
-            return Some("its effect has no form".to_owned());
-        }
-        let several = effect.forms.len() > 1;
-        for form in &effect.forms {
-            let of = |problem| format!("form `{}`: {problem}", form.name);
-            if several && !is_name(&form.name) {
-                return Some(of(format!("of several forms each has a name, {NAME}")));
-            }
-            if effect.forms.iter().filter(|other| other.name == form.name).count() > 1 {
-                return Some(of("there are two of them".to_owned()));
-            }
-            if let Some(problem) = list("field", &form.fields, |p| (&p.name, &p.doc), param) {
-                return Some(of(problem));
-            }
-            if effect.acts == Acts::Near && !form.fields.iter().any(|field| field.name == "reach_mm") {
-                return Some(of("an effect from both sides has the field `reach_mm`".to_owned()));
-            }
-        }
-        None
+        Ok(())
     }
+}
 
-    fn roles(&self) -> Option<String> {
-        if let Some(gate) = &self.gate
-            && !self.inputs.iter().any(|p| p.name == *gate)
-        {
-            return Some(format!("it gates {gate:?}, and no input has that name"));
-        }
-        if let Some(delay) = &self.feedback
-            && !self.params.iter().any(|p| p.name == *delay && matches!(p.kind, ParamKind::Number(_)))
-        {
-            return Some(format!("it closes cycles by {delay:?}, and no number parameter has that name"));
-        }
-        (self.passive && !self.sink).then(|| "it only looks on, and is no sink".to_owned())
-    }
+/// The first problem is the error.
+type Check = Result<(), String>;
+
+fn ensure(fine: bool, problem: impl FnOnce() -> String) -> Check {
+    if fine { Ok(()) } else { Err(problem()) }
 }
 
 const NAME: &str = "lower case, of letters, digits and `_`";
@@ -107,105 +100,88 @@ fn is_name(name: &str) -> bool {
 
 type Text = Cow<'static, str>;
 
-/// The first problem of a list: of its names, which are well formed, documented and distinct, or of an item.
+/// Checks a list: its names, which are well formed, documented and distinct, and its items.
 fn list<T>(
     what: &str,
     list: &[T],
     name_and_doc: impl Fn(&T) -> (&Text, &Text),
-    wrong: impl Fn(&T) -> Option<String>,
-) -> Option<String> {
+    item: impl Fn(&T) -> Check,
+) -> Check {
     let mut seen = HashSet::new();
-    let named = |it| {
+    for it in list {
         let (name, doc) = name_and_doc(it);
-        if !is_name(name) {
-            Some(format!("{what} {name:?}: a name is to be {NAME}"))
-        } else if doc.trim().is_empty() {
-            Some(format!("{what} `{name}`: nothing says what it is"))
-        } else {
-            (!seen.insert(name)).then(|| format!("there are two of {what} `{name}`"))
-        }
-    };
-    let of = |it| wrong(it).map(|why| format!("{what} `{}`: {why}", name_and_doc(it).0));
-    list.iter().find_map(named).or_else(|| list.iter().find_map(of))
+        ensure(is_name(name), || format!("{what} {name:?}: a name is to be {NAME}"))?;
+        ensure(!doc.trim().is_empty(), || format!("{what} `{name}`: nothing says what it is"))?;
+        ensure(seen.insert(name), || format!("there are two of {what} `{name}`"))?;
+    }
+    let of = |it| item(it).map_err(|why| format!("{what} `{}`: {why}", name_and_doc(it).0));
+    list.iter().try_for_each(of)
 }
 
-fn input(port: &Input) -> Option<String> {
-    if !port.default.is_finite() {
-        return Some(format!("its default of {} is not finite", port.default));
-    }
+fn input(port: &Input) -> Check {
+    ensure(port.default.is_finite(), || format!("its default of {} is not finite", port.default))?;
     shape(&port.shape)
 }
 
-fn shape(shape: &ShapeSpec) -> Option<String> {
+fn shape(shape: &ShapeSpec) -> Check {
     match shape {
-        ShapeSpec::Control(n) if !(1..=MOST_VALUES).contains(n) => {
-            Some(format!("a control of {n} values; 1 to {MOST_VALUES} fit"))
-        }
-        ShapeSpec::Audio(RateSpec::Hz(hz)) if !(1..=MOST_HZ).contains(hz) => Some(rate(*hz)),
+        ShapeSpec::Control(n) => ensure((1..=MOST_VALUES).contains(n), || {
+            format!("a control of {n} values; 1 to {MOST_VALUES} fit")
+        }),
+        ShapeSpec::Audio(RateSpec::Hz(hz)) => rate(*hz),
         ShapeSpec::Magnitude(LayoutSpec::Is(l)) | ShapeSpec::Spectrum(LayoutSpec::Is(l)) => layout(l),
-        _ => None,
+        _ => Ok(()),
     }
 }
 
-fn rate(hz: u32) -> String {
-    format!("a rate of {hz} Hz; 1 to {MOST_HZ} Hz fit")
+fn rate(hz: u32) -> Check {
+    ensure((1..=MOST_HZ).contains(&hz), || format!("a rate of {hz} Hz; 1 to {MOST_HZ} Hz fit"))
 }
 
-fn layout(l: &FrameLayout) -> Option<String> {
-    if !(1..=MOST_HZ).contains(&l.rate_hz) {
-        return Some(rate(l.rate_hz));
-    }
-    if !(1..=MOST_SAMPLES).contains(&l.length) {
-        return Some(format!("a window of {} samples; 1 to {MOST_SAMPLES} fit", l.length));
-    }
-    let most = l.length / 2 + 1;
-    (!(1..=most).contains(&l.bins))
-        .then(|| format!("{} bins; 1 to {most} fit a window of {} samples", l.bins, l.length))
+fn layout(&FrameLayout { rate_hz, length, bins, .. }: &FrameLayout) -> Check {
+    rate(rate_hz)?;
+    ensure((1..=MOST_SAMPLES).contains(&length), || {
+        format!("a window of {length} samples; 1 to {MOST_SAMPLES} fit")
+    })?;
+    let most = length / 2 + 1;
+    ensure((1..=most).contains(&bins), || {
+        format!("{bins} bins; 1 to {most} fit a window of {length} samples")
+    })
 }
 
-fn param(p: &Param) -> Option<String> {
-    let changes = matches!(
-        p.kind,
-        ParamKind::Number(_) | ParamKind::Integer(_) | ParamKind::Flag | ParamKind::Choice(_)
-    );
-    if p.live && !changes {
-        return Some("only a number, a whole number, a flag or a choice can be live".to_owned());
-    }
-    kind(&p.kind).or_else(|| p.default.as_ref().and_then(|value| default(&p.kind, value)))
-}
-
-fn kind(kind: &ParamKind) -> Option<String> {
-    match kind {
-        ParamKind::Number(r) | ParamKind::Numbers(r) => {
+fn param(p: &Param) -> Check {
+    use ParamKind::{Choice, File, Flag, Integer, Number, Numbers, Text, Texts};
+    let changes = matches!(p.kind, Number(_) | Integer(_) | Flag | Choice(_));
+    ensure(!p.live || changes, || {
+        "only a number, a whole number, a flag or a choice can be live".to_owned()
+    })?;
+    match &p.kind {
+        Number(r) | Numbers(r) => {
             let fine = r.start().is_finite() && r.end().is_finite() && r.start() <= r.end();
-            (!fine).then(|| format!("no finite number is from {} to {}", r.start(), r.end()))
+            ensure(fine, || format!("no finite number is from {} to {}", r.start(), r.end()))?;
         }
-        ParamKind::Integer(r) => {
-            r.is_empty().then(|| format!("no whole number is from {} to {}", r.start(), r.end()))
+        Integer(r) => {
+            ensure(!r.is_empty(), || format!("no whole number is from {} to {}", r.start(), r.end()))?;
         }
-        ParamKind::Choice(words) if words.is_empty() => Some("a choice without words".to_owned()),
-        ParamKind::Choice(words) => {
+        Choice(words) => {
+            ensure(!words.is_empty(), || "a choice without words".to_owned())?;
             let mut seen = HashSet::new();
             let bad = words.iter().find(|w| w.is_empty() || !seen.insert(*w));
-            bad.map(|w| format!("its choices are empty or not distinct: {w:?}"))
+            bad.map_or(Ok(()), |w| Err(format!("its choices are empty or not distinct: {w:?}")))?;
         }
-        ParamKind::Flag | ParamKind::Text | ParamKind::File | ParamKind::Texts => None,
+        Flag | Text | File | Texts => {}
     }
-}
-
-fn default(kind: &ParamKind, value: &ParamValue) -> Option<String> {
-    let fits = match (kind, value) {
-        (ParamKind::Number(r), ParamValue::Number(x)) => r.contains(x),
-        (ParamKind::Numbers(r), ParamValue::Numbers(xs)) => xs.iter().all(|x| r.contains(x)),
-        (ParamKind::Integer(r), ParamValue::Integer(i)) => r.contains(i),
-        (ParamKind::Choice(words), ParamValue::Text(word)) => words.iter().any(|w| w == word),
-        (ParamKind::Flag, ParamValue::Flag(_))
-        | (ParamKind::Text, ParamValue::Text(_))
-        | (ParamKind::File, ParamValue::File(_))
-        | (ParamKind::Texts, ParamValue::Texts(_)) => true,
+    let Some(value) = &p.default else { return Ok(()) };
+    let fits = match (&p.kind, value) {
+        (Number(r), ParamValue::Number(x)) => r.contains(x),
+        (Numbers(r), ParamValue::Numbers(xs)) => xs.iter().all(|x| r.contains(x)),
+        (Integer(r), ParamValue::Integer(i)) => r.contains(i),
+        (Choice(words), ParamValue::Text(word)) => words.iter().any(|w| w == word),
+        (Flag, ParamValue::Flag(_)) | (Text, ParamValue::Text(_)) => true,
+        (File, ParamValue::File(_)) | (Texts, ParamValue::Texts(_)) => true,
         _ => false,
     };
-    (!fits).then(|| format!("its default {value} is not one of its values"))
+    ensure(fits, || format!("its default {value} is not one of its values"))
 }
 
 #[cfg(test)]

@@ -172,14 +172,12 @@ pub struct Input {
 /// An output in a descriptor.
 #[must_use]
 #[derive(Clone, Debug)]
+#[allow(missing_docs)]
 pub struct Output {
-    /// Name in a graph file.
     pub name: Cow<'static, str>,
     /// Meaning, in a few words.
     pub doc: Cow<'static, str>,
-    /// Content of a tick.
     pub shape: ShapeSpec,
-    /// Unit of the values.
     pub unit: UnitSpec,
     /// Whether the node limits the signal (finite, and within a device's limits).
     pub limited: bool,

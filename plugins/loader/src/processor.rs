@@ -152,67 +152,48 @@ impl PluginProcessor {
     }
 }
 
+/// A buffer for a plugin, without its flags.
+fn view(buffer: &Buffer) -> AsperityBuffer {
+    let (carries, data, count): (u32, *const c_void, usize) = match buffer {
+        Buffer::Control { values, .. } => (ASPERITY_CONTROL, values.as_ptr().cast(), values.len()),
+        Buffer::Audio { samples, len, .. } => (ASPERITY_AUDIO, samples.as_ptr().cast(), *len),
+        Buffer::Magnitude { bins, .. } => (ASPERITY_MAGNITUDE, bins.as_ptr().cast(), bins.len()),
+        Buffer::Spectrum { bins, .. } => (ASPERITY_SPECTRUM, bins.as_ptr().cast(), bins.len()),
+    };
+    let data = if count > 0 { data.cast_mut() } else { ptr::null_mut() };
+    AsperityBuffer { carries, count: count as u32, data, ..NO_BUFFER }
+}
+
+/// An input, which is only read: the interface forbids writing to it.
 fn input(inputs: Inputs<'_>, i: usize) -> AsperityBuffer {
     let Some(buffer) = inputs.buffer(i) else { return NO_BUFFER };
     let flag = |is: bool, flag: u32| if is { flag } else { 0 };
-    let mut b = NO_BUFFER;
+    let mut b = view(buffer);
     b.flags = flag(buffer.is_valid(), ASPERITY_VALID) | flag(inputs.connected(i), ASPERITY_CONNECTED);
-    // Only read: the interface forbids writing to an input.
-    let (data, count): (*const c_void, usize) = match buffer {
+    match buffer {
         // Placeholder of an input without a type.
-        Buffer::Control { values, .. } if values.is_empty() => return b,
-        Buffer::Control { values, changed, .. } => {
-            b.carries = ASPERITY_CONTROL;
-            b.flags |= flag(*changed, ASPERITY_CHANGED);
-            (values.as_ptr().cast(), values.len())
-        }
-        Buffer::Audio { samples, len, silent, .. } => {
-            b.carries = ASPERITY_AUDIO;
-            b.flags |= flag(*silent, ASPERITY_SILENT);
-            (samples.as_ptr().cast(), *len)
-        }
-        Buffer::Magnitude { bins, frame, .. } => {
-            b.carries = ASPERITY_MAGNITUDE;
+        Buffer::Control { values, .. } if values.is_empty() => b.carries = 0,
+        Buffer::Control { changed, .. } => b.flags |= flag(*changed, ASPERITY_CHANGED),
+        Buffer::Audio { silent, .. } => b.flags |= flag(*silent, ASPERITY_SILENT),
+        Buffer::Magnitude { frame, .. } | Buffer::Spectrum { frame, .. } => {
             b.flags |= flag(frame.is_some(), ASPERITY_FRAME);
             (b.frame_index, b.frame_start) = frame.unwrap_or_default();
-            (bins.as_ptr().cast(), bins.len())
         }
-        Buffer::Spectrum { bins, frame, .. } => {
-            b.carries = ASPERITY_SPECTRUM;
-            b.flags |= flag(frame.is_some(), ASPERITY_FRAME);
-            (b.frame_index, b.frame_start) = frame.unwrap_or_default();
-            (bins.as_ptr().cast(), bins.len())
-        }
-    };
-    place(b, data.cast_mut(), count)
+    }
+    b
 }
 
 /// An output before a call.
 fn output(buffer: &mut Buffer) -> AsperityBuffer {
-    let mut b = AsperityBuffer { flags: ASPERITY_CONNECTED | ASPERITY_VALID, ..NO_BUFFER };
-    let (data, count): (*mut c_void, usize) = match buffer {
-        Buffer::Control { values, .. } => {
-            b.carries = ASPERITY_CONTROL;
-            (values.as_mut_ptr().cast(), values.len())
-        }
-        Buffer::Audio { samples, len, .. } => {
-            b.carries = ASPERITY_AUDIO;
-            (samples.as_mut_ptr().cast(), *len)
-        }
-        Buffer::Magnitude { bins, .. } => {
-            b.carries = ASPERITY_MAGNITUDE;
-            (bins.as_mut_ptr().cast(), bins.len())
-        }
-        Buffer::Spectrum { bins, .. } => {
-            b.carries = ASPERITY_SPECTRUM;
-            (bins.as_mut_ptr().cast(), bins.len())
-        }
+    let b = AsperityBuffer { flags: ASPERITY_CONNECTED | ASPERITY_VALID, ..view(buffer) };
+    let data: *mut c_void = match buffer {
+        _ if b.count == 0 => b.data,
+        Buffer::Control { values, .. } => values.as_mut_ptr().cast(),
+        Buffer::Audio { samples, .. } => samples.as_mut_ptr().cast(),
+        Buffer::Magnitude { bins, .. } => bins.as_mut_ptr().cast(),
+        Buffer::Spectrum { bins, .. } => bins.as_mut_ptr().cast(),
     };
-    place(b, data, count)
-}
-
-fn place(b: AsperityBuffer, data: *mut c_void, count: usize) -> AsperityBuffer {
-    if count > 0 { AsperityBuffer { data, count: count as u32, ..b } } else { b }
+    AsperityBuffer { data, ..b }
 }
 
 /// Reads the flags of an output that the node wrote. Returns false if it wrote samples without the

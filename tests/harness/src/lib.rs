@@ -14,11 +14,13 @@ pub mod networks;
 pub mod nodes;
 pub mod plugins;
 pub mod retrieval;
+mod room;
 pub mod servers;
 pub mod stage;
 pub mod survival;
 
 pub use asperity_texture::onnx;
+pub use room::Room;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
@@ -79,7 +81,7 @@ pub struct Ran {
 }
 
 impl Ran {
-    fn of(output: &Output) -> Self {
+    pub fn of(output: &Output) -> Self {
         let [out, err] =
             [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text).into_owned());
         Self { code: output.status.code().unwrap_or(-1), out, err }
@@ -97,6 +99,20 @@ impl Ran {
         let missing = texts.iter().find(|text| !said.contains(**text));
         assert!(missing.is_none(), "no {missing:?} in: {said}");
         self
+    }
+
+    /// Checks its exit code, and that output and messages contain these texts.
+    #[track_caller]
+    pub fn ends(self, code: i32, texts: &[&str]) -> Self {
+        assert_eq!(self.code, code, "stdout: {}\nstderr: {}", self.out, self.err);
+        self.says(texts)
+    }
+
+    /// The JSON that it printed.
+    #[track_caller]
+    pub fn json(self) -> serde_json::Value {
+        let ran = self.ok();
+        serde_json::from_str(&ran.out).unwrap_or_else(|e| panic!("{e}: {}", ran.out))
     }
 
     /// Checks that the program refused its input for this reason.
@@ -128,11 +144,16 @@ pub fn run_under(dir: &Path, limits: &str, args: &[&str]) -> Ran {
     Ran::of(&command.output().expect("bash"))
 }
 
-/// A trajectory at 500 Hz from functions of time.
+/// A trajectory at 500 Hz from a function of time to x, y, z.
 pub fn csv(seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
+    csv_at(500, seconds, at)
+}
+
+/// The same at another rate.
+pub fn csv_at(rate_hz: u32, seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> String {
     let mut text = String::from("t_s,x_mm,y_mm,z_mm\n");
-    for k in 0..=(seconds * 500.0) as usize {
-        let t = k as f64 / 500.0;
+    for k in 0..=(seconds * f64::from(rate_hz)) as usize {
+        let t = k as f64 / f64::from(rate_hz);
         let [x, y, z] = at(t);
         text.push_str(&format!("{t},{x},{y},{z}\n"));
     }
@@ -152,43 +173,29 @@ pub fn files(dir: &Path) -> Vec<String> {
 /// Parameters with which the nodes of effects have something to do, as a graph file says them; none of
 /// other kinds.
 pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
-    let model = |name: &str, gain: &str| {
+    let ar = |name: &str, gain: &str| {
         let file = graphs("models/made_ar").join(name).display().to_string();
         format!("autoregressive(model: {file:?}, gain: {gain})")
     };
-    let hessian = "made(surface: \"hessian\", side: 32, step_mm: 0.1)";
-    let (name, texts): (&str, Vec<String>) = match kind {
-        "friction" => (
-            "laws",
-            ["lugre(static_coefficient: 0.6)", "dahl", "viscous_coulomb"].map(str::to_owned).to_vec(),
-        ),
-        "viscosity" => ("drags", vec!["(viscosity_ns_per_m: 2)".into(), "(viscosity_ns_per_m: 900)".into()]),
-        "magnet" => ("magnets", vec!["(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 3)".into()]),
-        "tap" => {
-            let tap = |hz: f64| {
-                format!("(sinusoids: [(frequency_hz: {hz:?}, decay_ms: 30, gain: 40)], min_speed_mm_s: 0)")
-            };
-            ("taps", vec![tap(200.0), tap(340.0), tap(90.0)])
-        }
-        "vibration" => {
-            let sine = |hz: f64| format!("(frequency_hz: {hz:?}, amplitude_m_s2: 2)");
-            ("sources", vec![sine(120.0), sine(80.5)])
-        }
-        "autoregressive" => {
-            let two = format!("[{}, {}]", model("smooth.ron", "1"), model("ringing.ron", "0.5"));
-            ("models", vec![model("rough.ron", "1"), two])
-        }
-        "waveform" => {
-            let one = "waveform(segments: [(0, 0), (0.3, 1), (1, 0)])";
-            (
-                "loops",
-                vec![one.into(), format!("[{one}, waveform(segments: [(0, 0), (1, 1), (2, 0)], gain: 2)]")],
-            )
-        }
-        "relief" => (
-            "reliefs",
-            vec![format!("relief(heights: {hessian})"), format!("relief(heights: {hessian}, gain: 2)")],
-        ),
+    let relief = |gain: f64| {
+        format!("relief(heights: made(surface: \"hessian\", side: 32, step_mm: 0.1), gain: {gain:?})")
+    };
+    let tap =
+        |hz: f64| format!("(sinusoids: [(frequency_hz: {hz:?}, decay_ms: 30, gain: 40)], min_speed_mm_s: 0)");
+    let sine = |hz: f64| format!("(frequency_hz: {hz:?}, amplitude_m_s2: 2)");
+    let lap = "waveform(segments: [(0, 0), (0.3, 1), (1, 0)])".to_owned();
+    let laps = format!("[{lap}, waveform(segments: [(0, 0), (1, 1), (2, 0)], gain: 2)]");
+    let two = format!("[{}, {}]", ar("smooth.ron", "1"), ar("ringing.ron", "0.5"));
+    let owned = |texts: &[&str]| texts.iter().map(|text| (*text).to_owned()).collect();
+    let (name, texts): (_, Vec<String>) = match kind {
+        "friction" => ("laws", owned(&["lugre(static_coefficient: 0.6)", "dahl", "viscous_coulomb"])),
+        "viscosity" => ("drags", owned(&["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 900)"])),
+        "magnet" => ("magnets", owned(&["(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 3)"])),
+        "tap" => ("taps", [200.0, 340.0, 90.0].map(tap).into()),
+        "vibration" => ("sources", [120.0, 80.5].map(sine).into()),
+        "autoregressive" => ("models", vec![ar("rough.ron", "1"), two]),
+        "waveform" => ("loops", vec![lap, laps]),
+        "relief" => ("reliefs", [1.0, 2.0].map(relief).into()),
         "force_limiter" => return vec![("slew_n_per_s", "10".into())],
         _ => return Vec::new(),
     };
@@ -219,4 +226,10 @@ pub fn wav(path: &Path) -> (Vec<f32>, u32) {
 /// A JSON file.
 pub fn json(path: &Path) -> serde_json::Value {
     serde_json::from_str(&std::fs::read_to_string(path).expect("a file")).expect("JSON")
+}
+
+/// A node of a report, by its id or kind.
+pub fn node<'a>(report: &'a serde_json::Value, name: &str) -> &'a serde_json::Value {
+    let nodes = report["nodes"].as_array().expect("nodes");
+    nodes.iter().find(|n| n["id"] == name || n["kind"] == name).unwrap_or_else(|| panic!("no {name}"))
 }

@@ -149,9 +149,7 @@ fn listen(mut from: impl std::io::Read + Send + 'static, to: Vec<Arc<Mutex<Strin
 
 /// A recording: one dimension of float32.
 pub fn npy(file: &Path) -> Vec<f32> {
-    let bytes = std::fs::read(file).expect("a recording");
-    let head = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-    bytes[head..].chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+    asperity_accuracy::npy::read(file).expect("a recording").values.into_f32()
 }
 
 /// Rows of a probe's CSV, without the column of times.

@@ -62,6 +62,18 @@ impl<M: Send> Processor for Made<M> {
     }
 }
 
+/// A kind that remembers nothing.
+fn forgetful(descriptor: Descriptor, process: fn(&mut Tick<'_>) -> Status) -> Arc<NodeKind> {
+    struct Forgetful(fn(&mut Tick<'_>) -> Status);
+    impl Processor for Forgetful {
+        fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+            (self.0)(tick)
+        }
+        fn reset(&mut self) {}
+    }
+    Arc::new(NodeKind::new(descriptor, move |_| Ok(Prepared::new(Forgetful(process)))))
+}
+
 fn audio_in() -> Input {
     Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
 }
@@ -139,53 +151,38 @@ fn faulty() -> Arc<NodeKind> {
 fn dozer() -> Arc<NodeKind> {
     let it =
         Descriptor::new("dozer", "Sleeps while its input is silent.").input(audio_in()).output(audio("out"));
-    kind(
-        it,
-        |_| (),
-        |_, tick| {
-            let input = tick.inputs.audio(0);
-            if input.iter().all(|x| *x == 0.0) {
-                return Status::Asleep;
-            }
-            for (y, x) in tick.outputs.audio(0).iter_mut().zip(input) {
-                *y = 2.0 * x;
-            }
-            Status::Continue
-        },
-    )
-    .made()
+    forgetful(it, |tick| {
+        let input = tick.inputs.audio(0);
+        if input.iter().all(|x| *x == 0.0) {
+            return Status::Asleep;
+        }
+        for (y, x) in tick.outputs.audio(0).iter_mut().zip(input) {
+            *y = 2.0 * x;
+        }
+        Status::Continue
+    })
 }
 
 /// Loud, then failing for three ticks, then asleep.
 fn sleeper() -> Arc<NodeKind> {
     let it = Descriptor::new("sleeper", "Loud, failing, asleep.").output(audio("out"));
-    kind(
-        it,
-        |_| (),
-        |_, tick| match tick.index {
-            0..5 => {
-                tick.outputs.audio(0).fill(1.0);
-                Status::Continue
-            }
-            5..8 => Status::Error(1),
-            _ => Status::Asleep,
-        },
-    )
-    .made()
+    forgetful(it, |tick| match tick.index {
+        0..5 => {
+            tick.outputs.audio(0).fill(1.0);
+            Status::Continue
+        }
+        5..8 => Status::Error(1),
+        _ => Status::Asleep,
+    })
 }
 
 /// Rings for three ticks after its input.
 fn tail3() -> Arc<NodeKind> {
     let it = Descriptor::new("tail3", "Rings.").input(audio_in()).output(audio("out"));
-    kind(
-        it,
-        |_| (),
-        |_, tick| {
-            tick.outputs.audio(0).fill(1.0);
-            Status::Tail(3)
-        },
-    )
-    .made()
+    forgetful(it, |tick| {
+        tick.outputs.audio(0).fill(1.0);
+        Status::Tail(3)
+    })
 }
 
 /// A slow wave in A whose trust rests on a control.
@@ -195,18 +192,13 @@ fn marked() -> Arc<NodeKind> {
         .input(Input::new("control", ShapeSpec::Control(2), Unit::NONE))
         // As if a limiter stood behind it, so that a sink can be looked at alone.
         .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::AMPERE).limited());
-    kind(
-        it,
-        |_| (),
-        |_, tick| {
-            let span = tick.samples(48_000);
-            for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
-                *y = 0.05 * (n as f32 * 0.02).sin();
-            }
-            Status::Continue
-        },
-    )
-    .made()
+    forgetful(it, |tick| {
+        let span = tick.samples(48_000);
+        for (y, n) in tick.outputs.audio(0).iter_mut().zip(span) {
+            *y = 0.05 * (n as f32 * 0.02).sin();
+        }
+        Status::Continue
+    })
 }
 
 /// Passes a control on and sleeps until it changes, if it says that this wakes it.
@@ -215,16 +207,11 @@ fn copier(name: &'static str, wakes: bool) -> Arc<NodeKind> {
     let it = Descriptor::new(name, "Passes a control on.")
         .input(if wakes { input.wakes() } else { input })
         .output(Output::new("out", ShapeSpec::Control(1), Unit::NEWTON));
-    kind(
-        it,
-        |_| (),
-        |_, tick| {
-            let x = tick.inputs.value(0);
-            tick.outputs.set(0, x);
-            Status::Asleep
-        },
-    )
-    .made()
+    forgetful(it, |tick| {
+        let x = tick.inputs.value(0);
+        tick.outputs.set(0, x);
+        Status::Asleep
+    })
 }
 
 /// Counts its calls, and the ticks that it slept, so that what it remembers can be seen.

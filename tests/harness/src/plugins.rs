@@ -47,6 +47,22 @@ pub fn c(name: &str) -> PathBuf {
     to
 }
 
+/// The tests' plugin `node.c`, broken in one way or, by `NOTHING`, not at all.
+pub fn broken(dir: &Path, how: &str) -> PathBuf {
+    let to = dir.join(format!("{}{}", how.to_lowercase(), std::env::consts::DLL_SUFFIX));
+    compile(&sources().join("node.c"), &to, &[&format!("-DBREAK={how}"), "-std=c11"]);
+    to
+}
+
+/// The template `like`/`name` in C and C++.
+pub fn templates(dir: &Path, like: &str, name: &str) -> [PathBuf; 2] {
+    ["c", "cpp"].map(|language| {
+        let to = dir.join(format!("{name}_{language}.so"));
+        compile(&root().join(format!("plugins/template/{like}/{language}/{name}.{language}")), &to, &[]);
+        to
+    })
+}
+
 /// Packages of this workspace that are plugins in Rust, and what their libraries are called.
 const RUST: [(&str, &str); 6] = [
     ("my_phase", "my_phase"),

@@ -1,4 +1,4 @@
-//! Driving a phase-retrieval node tick by tick, and the shipped vectors.
+//! Driving a phase-retrieval node, and the shipped vectors.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -6,12 +6,9 @@ use std::sync::Arc;
 use asperity_accuracy::npy;
 use asperity_accuracy::phase::{self, Score};
 use asperity_engine::{Engine, Options};
-use asperity_graph::Compiled;
-use asperity_node::{NodeKind, Registry};
-use asperity_sdk::{
-    Buffer, Complex, Config, Descriptor, FrameLayout, FrameRate, InputRef, Inputs, Latency, LayoutSpec, Node,
-    Output, Outputs, ParamValue, Params, PortType, Prepared, Processor, Setup, Shape, ShapeSpec, Status,
-    Tick, Unit, Wiring,
+use asperity_node::{
+    Buffer, Descriptor, FrameLayout, FrameRate, Latency, LayoutSpec, Node, NodeKind, Output, Prepared,
+    Processor, Registry, ShapeSpec, Status, Tick, Unit,
 };
 
 use crate::graph;
@@ -20,89 +17,6 @@ use crate::graph;
 pub fn layout(rate_hz: u32, bins: u32) -> FrameLayout {
     let frame_rate = FrameRate::new(500, 1).expect("a rate");
     FrameLayout { rate_hz, length: rate_hz / 10, bins, frame_rate }
-}
-
-/// A frame that came out.
-pub struct Out {
-    pub start: u64,
-    pub bins: Vec<Complex<f32>>,
-}
-
-/// A node between two buffers.
-pub struct Rig {
-    node: Box<dyn Processor>,
-    latency: Latency,
-    layout: FrameLayout,
-    buffers: [Buffer; 2],
-    tick: u64,
-}
-
-impl Rig {
-    pub fn new<N: Node>(layout: FrameLayout, params: &[(&str, f64)]) -> Self {
-        assert!(N::descriptor().check().is_ok(), "the descriptor keeps its rules");
-        let mut all = Params::new(None);
-        for p in N::descriptor().params {
-            let value = params.iter().find(|(name, _)| *name == p.name).map(|(_, v)| *v);
-            let value = match (value, &p.default) {
-                (Some(v), Some(ParamValue::Number(_))) => Some(ParamValue::Number(v)),
-                (Some(v), _) => Some(ParamValue::Integer(v as i64)),
-                (None, default) => default.clone(),
-            };
-            all.insert(p.name.to_string(), value, None);
-        }
-        let port = |shape| PortType { shape, unit: Unit::METRE_PER_SECOND_SQUARED, limited: false };
-        let (from, to) = (port(Shape::Magnitude(layout)), port(Shape::Spectrum(layout)));
-        let buffers = [Buffer::new(&from, 500), Buffer::new(&to, 500)];
-        let wiring = |port| [Wiring { port: Some(port), connected: true }];
-        let (inputs, outputs) = (wiring(from), wiring(to));
-        let config =
-            Config { id: "node", params: &all, tick_hz: 500, every: 1, audio_hz: layout.rate_hz, seed: 7 };
-        let setup = Setup { config, inputs: &inputs, outputs: &outputs, closes_cycle: false };
-        let node = N::prepare(&setup).unwrap_or_else(|_| panic!("it prepares"));
-        Self { node: node.processor, latency: node.latency, layout, buffers, tick: 0 }
-    }
-
-    /// One tick, with the frame that belongs to it or without; what came out, checked to be finite and in its
-    /// place.
-    pub fn frame(&mut self, bins: Option<&[f32]>) -> Option<Out> {
-        let place = (self.tick, self.layout.frame_rate.first_sample(self.tick, self.layout.rate_hz));
-        let [input, output] = &mut self.buffers;
-        if let Buffer::Magnitude { bins: to, frame, .. } = input {
-            *frame = bins.map(|_| place);
-            bins.iter().for_each(|bins| to.copy_from_slice(bins));
-        }
-        if let Buffer::Spectrum { frame, .. } = output {
-            *frame = None;
-        }
-        let map = [InputRef { buffer: 0, connected: true }];
-        let mut tick = Tick {
-            index: self.tick,
-            tick_hz: 500,
-            inputs: Inputs::new(std::slice::from_ref(input), &[], 1, &map),
-            outputs: Outputs::new(std::slice::from_mut(output)),
-        };
-        let status = self.node.run(&mut tick).expect("no fault");
-        self.tick += 1;
-        let Buffer::Spectrum { bins, frame: Some(frame), .. } = output else { return None };
-        assert_eq!(status, Status::Continue, "a frame came");
-        assert_eq!(*frame, place, "frames stand in their slots");
-        assert!(bins.iter().all(|c| c.re.is_finite() && c.im.is_finite()), "{place:?} is finite");
-        Some(Out { start: place.1, bins: bins.to_vec() })
-    }
-
-    pub fn latency(&self) -> Latency {
-        self.latency
-    }
-}
-
-/// Magnitudes of a unit sinusoid at `freq` bins: the lobe of a Hann window.
-pub fn tone(freq: f64, bins: usize) -> Vec<f32> {
-    (0..bins).map(|k| asperity_dsp::window::hann_lobe(k as f64 - freq).abs() as f32).collect()
-}
-
-/// A pseudo-random number in [0, 1) for two indices.
-pub fn noise(n: u64, k: u64) -> f32 {
-    asperity_sdk::random::uniform(n, k) as f32
 }
 
 /// Name and rate of every vector.
@@ -161,20 +75,14 @@ pub fn score(magnitudes: &[f32], rate_hz: u32, signal: &[f64]) -> Score {
     phase::score(magnitudes, &phase::framing(rate_hz, 101), signal).expect("a score")
 }
 
-/// Plays frames, one a tick from tick `first` on.
-struct Given {
-    first: u64,
-    layout: FrameLayout,
-    frames: Arc<[f32]>,
-}
+/// Plays frames, one a tick, some of which may be missing.
+struct Given(FrameLayout, Arc<[Option<Vec<f32>>]>);
 
 impl Processor for Given {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let (n, bins) = (tick.index, self.layout.bins as usize);
-        let at = (n - self.first) as usize * bins;
-        if let Some(frame) = self.frames.get(at..at + bins) {
-            let start = self.layout.frame_rate.first_sample(n, self.layout.rate_hz);
-            tick.outputs.magnitude(0, n, start).copy_from_slice(frame);
+        if let Some(Some(frame)) = self.1.get(tick.index as usize) {
+            let start = self.0.frame_rate.first_sample(tick.index, self.0.rate_hz);
+            tick.outputs.magnitude(0, tick.index, start).copy_from_slice(frame);
         }
         Status::Continue
     }
@@ -183,43 +91,39 @@ impl Processor for Given {
 }
 
 /// A kind that retrieves phase, named `KIND` or `KIND: PARAMS`, as node `phase` between frames of amplitudes
-/// from tick `first` on and the probe `end`.
-pub fn compiled(
+/// and the probe `end`. Answers the engine, which leaves NaN alone, and the latency of `phase` and of all.
+pub fn engine(
     registry: &Registry,
     method: &str,
     layout: FrameLayout,
-    first: u64,
-    frames: &[f32],
-) -> Compiled {
+    frames: Vec<Option<Vec<f32>>>,
+) -> (Engine, Latency, Latency) {
     let (kind, params) = method.split_once(": ").unwrap_or((method, ""));
-    let frames: Arc<[f32]> = frames.into();
+    let frames: Arc<[_]> = frames.into();
     let output = Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Is(layout)), Unit::NONE);
     let given = Descriptor::new("given", "Plays frames.").output(output);
-    let prepare = move |_: &Setup<'_>| Ok(Prepared::new(Given { first, layout, frames: frames.clone() }));
     let mut registry = registry.clone();
-    registry.add(Arc::new(NodeKind::new(given, prepare)));
+    registry.add(Arc::new(NodeKind::new(given, move |_| Ok(Prepared::new(Given(layout, frames.clone()))))));
     let descriptor = registry.get(kind).unwrap_or_else(|| panic!("no kind {kind}")).descriptor();
     let spectrum = descriptor.retrieval().unwrap_or_else(|| panic!("{kind} retrieves no phase")).spectrum;
-    let end = match spectrum {
-        true => "synthesis: overlap_add\nphase -> synthesis\nsynthesis -> end",
-        false => "phase -> end",
-    };
+    let end = if spectrum { "synthesis: overlap_add; phase -> synthesis -> end" } else { "phase -> end" };
     let lines = format!("given: given\nphase: {kind}({params})\nend: probe\ngiven -> phase\n{end}");
-    graph::compiled(&graph::of_lines(&lines), &registry)
+    let compiled = graph::compiled(&graph::of_lines(&lines), &registry);
+    let schedule = &compiled.schedule;
+    let late = schedule.nodes[schedule.index_of("phase").expect("a node")].latency;
+    let all = schedule.latency();
+    (Engine::new(compiled, Options { check_finite: false, ..Options::default() }), late, all)
 }
 
-/// The signal of a method for frames of amplitudes, without its latency; sample 0 is the first of frame
-/// `first`.
-pub fn heard(registry: &Registry, method: &str, layout: FrameLayout, first: u64, frames: &[f32]) -> Vec<f64> {
-    let compiled = compiled(registry, method, layout, first, frames);
-    let (num, den) = compiled.schedule.latency().as_ratio();
+/// The signal of a method for frames of amplitudes, without its latency; sample 0 is the first of frame 0.
+pub fn heard(registry: &Registry, method: &str, layout: FrameLayout, frames: &[f32]) -> Vec<f64> {
+    let frames: Vec<_> = frames.chunks(layout.bins as usize).map(|frame| Some(frame.to_vec())).collect();
+    let last = frames.len() as u64 - 1;
+    let wanted = layout.frame_rate.first_sample(last, layout.rate_hz) as usize + layout.length as usize;
+    let (mut engine, _, latency) = engine(registry, method, layout, frames);
+    let (num, den) = latency.as_ratio();
     let late = (num * i64::from(layout.rate_hz)).div_euclid(den);
-    let mut engine = Engine::new(compiled, Options::default());
     let end = engine.schedule().index_of("end").expect("a node");
-    engine.skip(first);
-    let start = |n: u64| layout.frame_rate.first_sample(n, layout.rate_hz);
-    let last = first + (frames.len() / layout.bins as usize) as u64 - 1;
-    let wanted = (start(last) - start(first)) as usize + layout.length as usize;
     let mut signal = vec![0.0; usize::try_from(-late).unwrap_or(0)];
     let late = usize::try_from(late).unwrap_or(0);
     while signal.len() < wanted + late {
@@ -237,22 +141,21 @@ pub fn scored(method: &str, name: &str, rate_hz: u32) -> Score {
     let magnitudes = vector(name, rate_hz);
     let frames = amplitudes(&magnitudes, rate_hz);
     let score =
-        score(&magnitudes, rate_hz, &heard(&crate::registry(), method, layout(rate_hz, 101), 0, &frames));
+        score(&magnitudes, rate_hz, &heard(&crate::registry(), method, layout(rate_hz, 101), &frames));
     assert_eq!(score.nonfinite, 0, "{method} on {name}");
     score
 }
 
-/// The signal that a node makes of magnitudes of an unscaled DFT, without its latency.
-fn invert<N: Node>(magnitudes: &[f32], rate_hz: u32, params: &[(&str, f64)]) -> Vec<f64> {
+/// The method of a node type with these settings.
+pub fn method<N: Node>(params: &[(&str, f64)]) -> String {
     let params: Vec<String> = params.iter().map(|(name, value)| format!("{name}: {value}")).collect();
-    let method = format!("{}: {}", N::descriptor().kind, params.join(", "));
-    let frames = amplitudes(magnitudes, rate_hz);
-    heard(&crate::registry().with::<N>(), &method, layout(rate_hz, 101), 0, &frames)
+    format!("{}: {}", N::descriptor().kind, params.join(", "))
 }
 
 /// Spectral convergence in dB of what a node makes of a vector.
 pub fn convergence<N: Node>(vector: &[f32], rate_hz: u32, params: &[(&str, f64)]) -> f64 {
-    let y = invert::<N>(vector, rate_hz, params);
+    let (registry, frames) = (crate::registry().with::<N>(), amplitudes(vector, rate_hz));
+    let y = heard(&registry, &method::<N>(params), layout(rate_hz, 101), &frames);
     let score = score(vector, rate_hz, &y);
     assert_eq!(score.nonfinite, 0);
     score.convergence_db

@@ -1,8 +1,9 @@
 //! Frames that any phase-retrieval node must put out. Hard cases stand in `asperity_checks`.
 
-use asperity_sdk::{FrameLayout, Latency, Node};
+use asperity_dsp::window::hann_lobe;
+use asperity_node::{Buffer, FrameLayout, Node, random};
 
-use crate::retrieval::{Rig, layout, noise, tone};
+use crate::retrieval::{engine, layout, method};
 
 /// Parameters of a node under test.
 pub type Settings<'a> = &'a [(&'a str, f64)];
@@ -17,39 +18,40 @@ pub fn frames_come_out<N: Node>(all: &[Settings<'_>]) {
     }
 }
 
-/// Frames of latency at 500 frames a second.
-fn frames_late(rig: &Rig) -> u64 {
-    let (num, den) = rig.latency().as_ratio();
-    (num * 500 / den) as u64
-}
-
 /// Feeds frames, and checks that each comes out with its magnitudes, as late as the node says.
 fn all_come_out<N: Node>(layout: FrameLayout, params: Settings<'_>, frames: &[Option<Vec<f32>>]) {
-    let mut rig = Rig::new::<N>(layout, params);
-    let late = frames_late(&rig) as usize;
-    assert_eq!(rig.latency(), Latency::ratio(late as i64, 500));
+    let registry = crate::registry().with::<N>();
+    let (mut engine, latency, _) = engine(&registry, &method::<N>(params), layout, frames.to_vec());
+    let (num, den) = latency.as_ratio();
+    assert_eq!(num * 500 % den, 0, "whole frames");
+    let late = (num * 500 / den) as usize;
+    let phase = engine.schedule().index_of("phase").expect("a node");
     for slot in 0..frames.len() + late {
-        let given = frames.get(slot).and_then(Option::as_deref);
-        let out = rig.frame(given);
+        engine.tick();
+        let Some(Buffer::Spectrum { bins, frame, .. }) = engine.output(phase, 0) else { panic!("frames") };
+        let place = (slot as u64, layout.frame_rate.first_sample(slot as u64, layout.rate_hz));
+        assert!(frame.is_none_or(|frame| frame == place), "frames stand in their slots");
         let due = slot.checked_sub(late).and_then(|s| frames[s].as_deref());
-        match (due, out) {
-            (Some(due), Some(out)) => {
-                for (k, (c, &m)) in out.bins.iter().zip(due).enumerate() {
-                    let m = if (0.0..=f32::MAX).contains(&m) { f64::from(m) } else { 0.0 };
-                    let have = f64::from(c.re).hypot(f64::from(c.im));
-                    assert!(
-                        (have - m).abs() <= 1e-5 * m + 1e-38,
-                        "slot {slot}, bin {k}: {have:e} is not {m:e}"
-                    );
-                }
-            }
-            (Some(_), None) => panic!("the frame of slot {} did not come out", slot - late),
-            (None, Some(out)) => {
-                assert!(out.bins.iter().all(|c| c.norm() == 0.0), "slot {slot} was to be silent")
-            }
-            (None, None) => {}
+        assert!(due.is_none() || frame.is_some(), "the frame of slot {} did not come out", slot - late);
+        let silence = vec![0.0; bins.len()];
+        let due = if frame.is_some() { due.unwrap_or(&silence) } else { &[] };
+        for (k, (c, &m)) in bins.iter().zip(due).enumerate() {
+            let m = if (0.0..=f32::MAX).contains(&m) { f64::from(m) } else { 0.0 };
+            let have = f64::from(c.re).hypot(f64::from(c.im));
+            assert!((have - m).abs() <= 1e-5 * m + 1e-38, "slot {slot}, bin {k}: {have:e} is not {m:e}");
         }
     }
+    assert_eq!(engine.report(phase).expect("it").faults, 0);
+}
+
+/// Magnitudes of a unit sinusoid at `freq` bins: the lobe of a Hann window.
+fn tone(freq: f64, bins: usize) -> Vec<f32> {
+    (0..bins).map(|k| hann_lobe(k as f64 - freq).abs() as f32).collect()
+}
+
+/// A pseudo-random number in [0, 1) for two indices.
+fn noise(n: u64, k: u64) -> f32 {
+    random::uniform(n, k) as f32
 }
 
 /// Flat spectra, ties, lone bins, silence, extremes of the unit, and what is no magnitude.

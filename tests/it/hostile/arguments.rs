@@ -4,58 +4,38 @@ use std::ffi::{OsStr, OsString};
 use std::os::unix::ffi::OsStrExt;
 use std::process::Command;
 
-use harness::{asperity, graphs, root};
+use harness::{Room, asperity, graphs, root};
 
 use super::judge::{Tally, times, two_at_a_time};
 
 /// Commands with arguments that are right, so that what is wrong is the one that is added.
 fn commands() -> Vec<Vec<String>> {
-    let graph = graphs("heravi2024.ron").display().to_string();
-    let scene = graphs("scenes/side_by_side.ron").display().to_string();
-    let vector = root().join("tests/data/phase/texture_2500.mag.npy").display().to_string();
+    let root = root();
+    let (root, data) = (root.display(), root.join("tests/data"));
+    let data = data.display();
     let library = graphs("models/surfaces/materials.ron").display().to_string();
-    let results = root().join("graphs/tradeoffs/results.json").display().to_string();
-    let card = "simulated:frames=256";
-    let all: [&[&str]; 12] = [
-        &["check", &graph],
-        &["render", &graph, "--seconds", "0.05"],
-        &["graph", &graph, "--svg", "g.svg"],
-        &["run", &graph, "--seconds", "0.1", "--device", card],
-        &["tone", "--seconds", "0.1", "--device", card],
-        &["invert", "--magnitudes", &vector, "--rate", "2500", "--out", "o.npy"],
-        &["choose", &results],
-        &["materials", "--library", &library],
-        &["scene", "expand", &scene],
-        &["scene", "explain", &scene],
-        &["nodes"],
-        &["devices"],
-    ];
-    all.iter().map(|words| words.iter().map(|w| (*w).to_owned()).collect()).collect()
+    [
+        format!("check {data}/small.ron"),
+        format!("render {data}/small.ron --seconds 0.05"),
+        format!("graph {data}/small.ron --svg g.svg"),
+        format!("run {data}/small.ron --seconds 0.1 --device simulated:frames=256"),
+        "tone --seconds 0.1 --device simulated:frames=256".to_owned(),
+        format!("invert --magnitudes {data}/phase/texture_2500.mag.npy --rate 2500 --out o.npy"),
+        format!("choose {root}/graphs/tradeoffs/results.json"),
+        format!("materials --library {library}"),
+        format!("scene expand {data}/near.ron"),
+        format!("scene explain {data}/near.ron"),
+        "nodes".to_owned(),
+        "devices".to_owned(),
+    ]
+    .map(|line| line.split(' ').map(str::to_owned).collect())
+    .into()
 }
 
 fn values() -> Vec<OsString> {
-    let mut all: Vec<OsString> = [
-        "",
-        "-1",
-        "0",
-        "NaN",
-        "inf",
-        "1e308",
-        "-1e308",
-        "18446744073709551615",
-        "x",
-        "a=b",
-        "..",
-        "/",
-        "a\nb",
-        "\u{202e}b",
-        "=",
-        "1:2:3",
-        "%s%n",
-        "../../../../../../etc/passwd",
-    ]
-    .map(OsString::from)
-    .into();
+    let words = "|-1|0|NaN|inf|1e308|-1e308|18446744073709551615|x|a=b|..|/|a\nb|\u{202e}b|=|1:2:3|%s%n|\
+                 ../../../../../../etc/passwd";
+    let mut all: Vec<OsString> = words.split('|').map(OsString::from).collect();
     all.push("9".repeat(60_000).into());
     all.push(OsStr::from_bytes(b"\xff\xfe").to_owned());
     all
@@ -101,8 +81,8 @@ fn absurd_option_is_refused_or_taken_and_does_no_harm() {
     let cases: Vec<_> = cases.into_iter().step_by(if times() > 1 { 1 } else { 3 }).collect();
     two_at_a_time(cases.len() as u64, |number| {
         let (command, option, value) = &cases[number as usize];
-        let dir = tempfile::tempdir().expect("a folder");
-        let mut program = asperity(dir.path());
+        let dir = Room::new();
+        let mut program = asperity(&dir);
         let at = command.iter().position(|word| word == option);
         // An option that is there already gets the other value.
         let rest = at.map_or(command.clone(), |at| [&command[..at], &command[at + 2..]].concat());

@@ -1,8 +1,6 @@
 //! Files that are built to take memory or time.
 
-use std::fs;
-
-use harness::{asperity, graphs};
+use harness::{Room, asperity, root};
 
 use super::judge::{Tally, two_at_a_time};
 
@@ -58,12 +56,12 @@ const BUILT: [Built; 12] = [
 #[test]
 fn file_that_is_built_to_take_memory_or_time_takes_neither() {
     let tally = Tally::new("budgets");
-    let graph = graphs("heravi2024.ron").display().to_string();
+    let graph = root().join("tests/data/small.ron").display().to_string();
     two_at_a_time(BUILT.len() as u64, |number| {
         let (what, make, command) = BUILT[number as usize];
-        let dir = tempfile::tempdir().expect("a folder");
-        fs::write(dir.path().join("f.ron"), make()).expect("a file");
-        let mut program = asperity(dir.path());
+        let dir = Room::new();
+        dir.write("f.ron", make());
+        let mut program = asperity(&dir);
         program.args(command.replace("GRAPH", &graph).split(' '));
         tally.case(what, dir, program, &[]);
     });

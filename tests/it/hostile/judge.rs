@@ -9,6 +9,8 @@ use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
+use harness::Room;
+
 /// Who takes longer hangs.
 const LONGEST: Duration = Duration::from_secs(60);
 /// Memory that a case may take with its budget: the program itself and the files that it reads.
@@ -127,23 +129,20 @@ impl Tally {
     }
 
     /// Runs a case in its folder, in which nothing but `outputs` may change.
-    pub fn case(&self, case: &str, dir: tempfile::TempDir, mut command: Command, outputs: &[&str]) {
+    pub fn case(&self, case: &str, dir: Room, mut command: Command, outputs: &[&str]) {
         command.args(["--memory", BUDGET]);
-        let before = files(dir.path());
-        let ended = ends(command_in(&mut command, dir.path()), LONGEST);
-        let verdict = ended.and_then(|ended| {
-            let after = files(dir.path());
-            judged(&ended, dir.path(), &before, &after, outputs).map(|code| (code, ended))
-        });
-        self.count(case, dir, &command, verdict);
+        let (line, before) = (format!("{command:?}"), files(&dir));
+        let verdict = ends(command, LONGEST)
+            .and_then(|ended| judged(&ended, &dir, &before, &files(&dir), outputs).map(|code| (code, ended)));
+        self.count(case, dir, &line, verdict);
     }
 
     /// Counts what another judge found.
     pub fn count(
         &self,
         case: &str,
-        dir: tempfile::TempDir,
-        command: &Command,
+        dir: Room,
+        command: &impl std::fmt::Debug,
         verdict: Result<(usize, Ended), String>,
     ) {
         let mut counts = self.counts.lock().expect("nobody panicked");
@@ -181,18 +180,6 @@ impl Tally {
         );
         assert!(all > 0, "no case was run");
     }
-}
-
-fn command_in(command: &mut Command, dir: &Path) -> Command {
-    let mut own = Command::new(command.get_program());
-    own.args(command.get_args()).current_dir(command.get_current_dir().unwrap_or(dir));
-    for (name, value) in command.get_envs() {
-        match value {
-            Some(value) => own.env(name, value),
-            None => own.env_remove(name),
-        };
-    }
-    own
 }
 
 /// The exit code of a run that went as it must.
@@ -247,13 +234,13 @@ pub fn two_at_a_time(count: u64, case: impl Fn(u64) + Sync) {
 #[test]
 fn program_that_does_wrong_is_found_out() {
     let wrong = |script: &str| {
-        let dir = tempfile::tempdir().expect("a folder");
-        fs::write(dir.path().join("precious"), "mine").expect("a file");
-        let before = files(dir.path());
+        let dir = Room::new();
+        fs::write(dir.join("precious"), "mine").expect("a file");
+        let before = files(&dir);
         let mut command = Command::new("sh");
-        command.args(["-c", script]).current_dir(dir.path());
+        command.args(["-c", script]).current_dir(&dir);
         let ended = ends(command, Duration::from_secs(2))?;
-        judged(&ended, dir.path(), &before, &files(dir.path()), &["out"])
+        judged(&ended, &dir, &before, &files(&dir), &["out"])
     };
     assert_eq!(wrong("exit 0"), Ok(0));
     assert_eq!(wrong("echo error >&2; exit 2"), Ok(2));

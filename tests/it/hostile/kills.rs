@@ -1,11 +1,10 @@
 //! Runs that are killed, and disks and tables that are full.
 
 use std::fs;
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use harness::{asperity, files, graphs, wav};
+use harness::{Room, asperity, graphs, root};
 
 use super::judge::{Ended, Seed, Tally, ends, times, two_at_a_time};
 
@@ -16,14 +15,14 @@ fn graph() -> String {
 }
 
 /// A render with three files of one run.
-fn render(dir: &Path, seed: u32) -> Command {
+fn render(dir: &Room, seed: u32) -> Command {
     let mut program = asperity(dir);
     program.args(["render", &graph(), "--seconds", "1", "--set", &format!("seed={seed}"), "--out", "o.wav"]);
     program.args(["--probe", "texture=t.npy", "--probe", "limiter=v.npy"]);
     program
 }
 
-fn outputs(dir: &Path) -> Vec<Option<Vec<u8>>> {
+fn outputs(dir: &Room) -> Vec<Option<Vec<u8>>> {
     ["o.wav", "t.npy", "v.npy"].map(|name| fs::read(dir.join(name)).ok()).into()
 }
 
@@ -35,9 +34,9 @@ fn quietly(command: &mut Command) -> Child {
 fn killed_render_leaves_all_old_files_or_all_new_ones() {
     let tally = Tally::new("killed renders");
     let made = |seed: u32| {
-        let dir = tempfile::tempdir().expect("a folder");
-        assert!(ends(render(dir.path(), seed), LONGEST).expect("an end").status.success());
-        outputs(dir.path())
+        let dir = Room::new();
+        assert!(ends(render(&dir, seed), LONGEST).expect("an end").status.success());
+        outputs(&dir)
     };
     let (old, new) = (made(1), made(2));
     assert!(old != new && old.iter().all(Option::is_some), "the seed is heard");
@@ -45,11 +44,11 @@ fn killed_render_leaves_all_old_files_or_all_new_ones() {
     drop(made(3));
     let lasts = began.elapsed();
     two_at_a_time(20 * times(), |number| {
-        let dir = tempfile::tempdir().expect("a folder");
+        let dir = Room::new();
         for (name, bytes) in ["o.wav", "t.npy", "v.npy"].iter().zip(&old) {
-            fs::write(dir.path().join(name), bytes.as_ref().expect("bytes")).expect("a file");
+            dir.write(name, bytes.as_ref().expect("bytes"));
         }
-        let mut command = render(dir.path(), 2);
+        let mut command = render(&dir, 2);
         let mut child = quietly(&mut command);
         // Most of them near the end, where files get their names.
         let part = 0.5 + 0.7 * (Seed(number).next() % 1000) as f64 / 1000.0;
@@ -57,16 +56,16 @@ fn killed_render_leaves_all_old_files_or_all_new_ones() {
         let _ = child.kill();
         let _ = child.wait();
         // Whoever writes next into the folder completes what was begun.
-        let mut next = asperity(dir.path());
+        let mut next = asperity(&dir);
         next.args(["graph", &graph(), "--svg", "g.svg"]);
         let found = ends(next, LONGEST).and_then(|ended| {
-            let found = outputs(dir.path());
+            let found = outputs(&dir);
             let whole = found == old || found == new;
-            let left = files(dir.path()).len() == 4;
+            let left = dir.files().len() == 4;
             if whole && left {
                 Ok((0, ended))
             } else {
-                Err(format!("old and new are mixed, or more is left: {:?}", files(dir.path())))
+                Err(format!("old and new are mixed, or more is left: {:?}", dir.files()))
             }
         });
         tally.count(&format!("{number}"), dir, &command, found);
@@ -82,29 +81,25 @@ fn killed_recording_is_recovered() {
             "ear": (kind: "file_out", params: (file: "ear.wav"))},
         wires: [("wave", "guard"), ("guard", "out"), ("guard", "ear")])"#;
     two_at_a_time(2 * times(), |number| {
-        let dir = tempfile::tempdir().expect("a folder");
-        fs::write(dir.path().join("g.ron"), text).expect("a graph");
-        let mut command = asperity(dir.path());
+        let dir = Room::new();
+        dir.write("g.ron", text);
+        let mut command = asperity(&dir);
         command.args(["run", "g.ron", "--device", "simulated:frames=256"]);
         let mut child = quietly(&mut command);
-        let growing = dir.path().join("ear.wav.recording");
+        let growing = dir.join("ear.wav.recording");
         let long = || fs::metadata(&growing).is_ok_and(|m| m.len() > 100_000);
         harness::live::until("a recording", long);
         std::thread::sleep(Duration::from_millis(Seed(number).next() % 1500));
         let _ = child.kill();
         let _ = child.wait();
-        let mut next = asperity(dir.path());
+        let mut next = asperity(&dir);
         next.arg("recover");
         let found = ends(next, LONGEST).and_then(|ended| {
-            let samples = if dir.path().join("ear.wav").exists() {
-                wav(&dir.path().join("ear.wav")).0.len()
-            } else {
-                0
-            };
-            if samples > 20_000 && files(dir.path()) == ["ear.wav", "g.ron"] {
+            let samples = if dir.join("ear.wav").exists() { dir.wav("ear.wav").0.len() } else { 0 };
+            if samples > 20_000 && dir.files() == ["ear.wav", "g.ron"] {
                 Ok((0, ended))
             } else {
-                Err(format!("{samples} samples: {} {:?}", ended.said, files(dir.path())))
+                Err(format!("{samples} samples: {} {:?}", ended.said, dir.files()))
             }
         });
         tally.count(&format!("{number}"), dir, &command, found);
@@ -116,8 +111,8 @@ fn killed_recording_is_recovered() {
 fn render_that_is_told_to_stop_keeps_whole_files() {
     let tally = Tally::new("stopped renders");
     two_at_a_time(8 * times(), |number| {
-        let dir = tempfile::tempdir().expect("a folder");
-        let mut command = asperity(dir.path());
+        let dir = Room::new();
+        let mut command = asperity(&dir);
         command.args(["render", &graph(), "--seconds", "500", "--out", "o.wav"]);
         let signal = ["-INT", "-TERM"][number as usize % 2];
         let child = quietly(&mut command);
@@ -125,10 +120,9 @@ fn render_that_is_told_to_stop_keeps_whole_files() {
         let id = child.id().to_string();
         let _ = Command::new("kill").args([signal, &id]).status();
         let found = waited(child).and_then(|code| {
-            let left = files(dir.path());
+            let left = dir.files();
             // Before it listens a signal ends it, and nothing is there.
-            let whole =
-                left.is_empty() || (left == ["o.wav"] && !wav(&dir.path().join("o.wav")).0.is_empty());
+            let whole = left.is_empty() || (left == ["o.wav"] && !dir.wav("o.wav").0.is_empty());
             if whole { Ok((0, code)) } else { Err(format!("{signal}: it left {left:?}")) }
         });
         tally.count(&format!("{number}"), dir, &command, found);
@@ -156,24 +150,18 @@ fn program_short_of_files_or_disk_says_so_and_leaves_nothing() {
         .map(|n| format!("ulimit -n {n}"))
         .chain((0..8).map(|n| format!("ulimit -f {}", n * 8)))
         .collect();
-    let jobs = ["--out o.wav --report r.json", "--probe texture=t.npy --plot p.svg"];
+    let jobs = ["--out o.wav --report r.json", "--probe motion.speed=t.npy --plot p.svg"];
     for limit in &limits {
         for job in jobs {
-            let dir = tempfile::tempdir().expect("a folder");
-            let program = env!("CARGO_BIN_EXE_asperity");
+            let dir = Room::new();
+            let (program, graph) = (env!("CARGO_BIN_EXE_asperity"), root().join("tests/data/small.ron"));
+            let line = format!("render {} --seconds 0.5 {job}", graph.display());
             let mut command = Command::new("bash");
-            command.args([
-                "-c",
-                &format!("{limit}; exec {program} render {} --seconds 0.5 {job} \"$@\"", graph()),
-                "bash",
-            ]);
-            command
-                .env("ASPERITY_STATE", "")
-                .env("XDG_STATE_HOME", dir.path().join("state"))
-                .current_dir(dir.path());
+            command.args(["-c", &format!("{limit}; exec {program} {line} \"$@\""), "bash"]);
+            command.env("ASPERITY_STATE", "").env("XDG_STATE_HOME", dir.join("state")).current_dir(&dir);
             // Whether the list of what was made can be written is no matter.
-            fs::create_dir_all(dir.path().join("state/asperity")).expect("a folder");
-            fs::write(dir.path().join("state/asperity/made"), "").expect("a list");
+            fs::create_dir_all(dir.join("state/asperity")).expect("a folder");
+            dir.write("state/asperity/made", "");
             tally.case(limit, dir, command, &["state/asperity/made"]);
         }
     }

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use harness::{asperity, plugins};
+use harness::{Room, asperity, plugins};
 
 use super::judge::{Seed, Tally, times, two_at_a_time};
 use super::mutants::mutated;
@@ -12,7 +12,7 @@ fn damaged_plugin_ends_no_check() {
     let tally = Tally::new("damaged plugins");
     let right = fs::read(plugins::c("told")).expect("a plugin");
     two_at_a_time(20 * times(), |number| {
-        let dir = tempfile::tempdir().expect("a folder");
+        let dir = Room::new();
         let mut seed = Seed(number + 7);
         let mut bytes = right.clone();
         if number % 2 == 0 {
@@ -24,8 +24,8 @@ fn damaged_plugin_ends_no_check() {
                 bytes[at] = seed.next() as u8;
             });
         }
-        fs::write(dir.path().join("libtold.so"), bytes).expect("a file");
-        let mut program = asperity(dir.path());
+        dir.write("libtold.so", bytes);
+        let mut program = asperity(&dir);
         program.args(["plugin", "check", "./libtold.so", "--ticks", "200", "--patience", "3"]);
         program.args(["--case", "prepare", "--case", "zero", "--case", "reset"]);
         tally.case(&format!("{number}"), dir, program, &[]);

@@ -5,7 +5,7 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::Command;
 
-use harness::{asperity, graphs, root};
+use harness::{Room, asperity, root};
 
 use super::judge::Tally;
 use super::mutants::READERS;
@@ -34,9 +34,9 @@ fn what_is_no_file_is_refused_by_every_reader() {
     let tally = Tally::new("special files, read");
     for reader in &READERS {
         for (what, make) in SPECIAL {
-            let dir = tempfile::tempdir().expect("a folder");
-            make(&dir.path().join(reader.name));
-            let mut program = asperity(dir.path());
+            let dir = Room::new();
+            make(&dir.join(reader.name));
+            let mut program = asperity(&dir);
             program.args(reader.args());
             tally.case(&format!("{what} as {}", reader.name), dir, program, &reader.outputs());
         }
@@ -47,26 +47,25 @@ fn what_is_no_file_is_refused_by_every_reader() {
 #[test]
 fn what_is_no_file_is_not_written_over() {
     let tally = Tally::new("special files, written");
-    let graph = graphs("heravi2024.ron").display().to_string();
-    let vector = root().join("tests/data/phase/texture_2500.mag.npy").display().to_string();
-    let writers: [&[&str]; 5] = [
-        &["render", &graph, "--seconds", "0.05", "--out", "x.wav"],
-        &["render", &graph, "--seconds", "0.05", "--report", "x.wav"],
-        &["render", &graph, "--seconds", "0.05", "--probe", "texture=x.npy"],
-        &["graph", &graph, "--svg", "x.wav"],
-        &["invert", "--magnitudes", &vector, "--rate", "2500", "--out", "x.wav"],
+    let data = root().join("tests/data");
+    let data = data.display();
+    let writers = [
+        format!("render {data}/small.ron --seconds 0.05 --out x.wav"),
+        format!("render {data}/small.ron --seconds 0.05 --report x.wav"),
+        format!("render {data}/small.ron --seconds 0.05 --probe motion.speed=x.npy"),
+        format!("graph {data}/small.ron --svg x.wav"),
+        format!("invert --magnitudes {data}/phase/texture_2500.mag.npy --rate 2500 --out x.wav"),
     ];
-    for writer in writers {
+    for writer in &writers {
         // Over a file that is empty or large, and through a link, these may write.
         for (what, make) in
             SPECIAL.iter().filter(|(what, _)| !["an empty file", "8 GiB of nothing"].contains(what))
         {
-            let dir = tempfile::tempdir().expect("a folder");
-            let name = if writer.iter().any(|w| w.ends_with("x.npy")) { "x.npy" } else { "x.wav" };
-            make(&dir.path().join(name));
-            let mut program = asperity(dir.path());
-            program.args(writer);
-            tally.case(&format!("{what}, {writer:?}"), dir, program, &["nothing"]);
+            let dir = Room::new();
+            make(&dir.join(if writer.ends_with("x.npy") { "x.npy" } else { "x.wav" }));
+            let mut program = asperity(&dir);
+            program.args(writer.split(' '));
+            tally.case(&format!("{what}, {writer}"), dir, program, &["nothing"]);
         }
     }
     tally.done();
