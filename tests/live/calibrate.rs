@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 use asperity_actuator::ActuatorProfile;
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::live::told;
 use harness::{Ran, asperity, files, graphs, json, run, run_line, wav};
 
@@ -29,7 +29,7 @@ fn truth() -> ActuatorProfile {
 
 #[test]
 fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let more = ["--base", "haptuator_mark_ii", "--plot", "found.svg"];
     let ran = calibrate(dir.path(), CARD, &more).ok();
@@ -58,7 +58,7 @@ fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
 /// As most sound cards are: long blocks, of integers, in real time, so that the paced clock keeps it.
 #[test]
 fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = CARD.replace("frames=64", "format=i16").replace(",speed=10", "");
     let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json"];
@@ -83,7 +83,7 @@ fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
 
 #[test]
 fn json_tells_what_was_found_and_how_far_to_trust_it() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let ran = calibrate(dir.path(), CARD, &["--base", "haptuator_mark_ii", "--json"]).ok();
     std::fs::write(dir.path().join("found.json"), &ran.out).expect("a file");
@@ -100,7 +100,7 @@ fn json_tells_what_was_found_and_how_far_to_trust_it() {
 /// The accelerometer is behind a voltage amplifier.
 #[test]
 fn inverted_accelerometer_gives_the_same_figures() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = CARD
         .replace("haptuator_mark_ii", "hapcoil_one")
@@ -120,7 +120,7 @@ fn inverted_accelerometer_gives_the_same_figures() {
 
 #[test]
 fn failed_measurement_says_why_and_keeps_the_old_profile() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let old = "an older profile";
     std::fs::write(dir.path().join("found.ron"), old).expect("a file");
@@ -154,7 +154,7 @@ fn failed_measurement_says_why_and_keeps_the_old_profile() {
 
 #[test]
 fn a_level_that_would_clip_is_lowered_and_said() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,\
                 plant_full_scale=2,plant_noise=0.001";
@@ -167,7 +167,7 @@ fn a_level_that_would_clip_is_lowered_and_said() {
 
 #[test]
 fn what_makes_no_sense_is_refused_before_anything_is_played() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::copy(graphs("actuators/hapcoil_one.ron"), dir.path().join("mine.ron")).expect("a copy");
     let cases: [(&[&str], &str); 8] = [
@@ -195,7 +195,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_played() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_in_the_middle_leaves_nothing_behind() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let device = CARD.replace("speed=10", "speed=4");
     let mut child = asperity(dir.path())

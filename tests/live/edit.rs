@@ -1,17 +1,16 @@
 //! `asperity run` while its graph is edited: nobody waits for that, and what cannot be had changes nothing.
 
-use std::io::Read as _;
 use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use harness::alone::{shared_stage, stage};
+use harness::alone::shared_stage;
 use harness::json;
-use harness::live::{CARD, EARS, Live, graph, npy, rows, until};
+use harness::live::{CARD, Live, graph, npy, rows, until};
 use serde_json::json;
 
+use crate::edits::{edit, tone};
 use crate::haply::Service;
 use crate::onlooker::{Onlooker, Shown};
 
@@ -22,23 +21,6 @@ const DOWN: usize = 960;
 /// Samples of a crossfade.
 const FADE: usize = 480;
 
-/// Puts a file in its place at once, as editors do.
-fn replace(dir: &Path, text: &str) {
-    std::fs::write(dir.join("new"), text).expect("a file");
-    std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
-}
-
-/// A sine that is played and recorded, with more beside it.
-fn tone(nodes: &str, wires: &str) -> String {
-    format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
-           "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"), {}{nodes}}}, wires: [("sine", "limiter"), ("limiter", "out"),
-           {}{wires}])"#,
-        EARS[0], EARS[1]
-    )
-}
-
 /// A hand on an Inverse3 whose place is recorded.
 fn arm(service: SocketAddr, more: &str) -> [String; 2] {
     [
@@ -48,37 +30,6 @@ fn arm(service: SocketAddr, more: &str) -> [String; 2] {
         ),
         r#"("arm.position", "place"),"#.to_owned(),
     ]
-}
-
-/// A service that takes every connection and never says a word. Opening a hand on it takes seconds, and
-/// comes to nothing.
-struct Mute {
-    address: SocketAddr,
-    /// Connections that were taken, and those that were given up.
-    taken: Arc<AtomicUsize>,
-    given_up: Arc<AtomicUsize>,
-}
-
-impl Mute {
-    fn start() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        let address = listener.local_addr().expect("a port");
-        let (taken, given_up) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-        let (took, gave) = (taken.clone(), given_up.clone());
-        // It ends with the test.
-        std::thread::spawn(move || {
-            for stream in listener.incoming().map_while(Result::ok) {
-                took.fetch_add(1, Relaxed);
-                let gave = gave.clone();
-                std::thread::spawn(move || {
-                    let mut stream = stream;
-                    while matches!(stream.read(&mut [0; 4096]), Ok(1..)) {}
-                    gave.fetch_add(1, Relaxed);
-                });
-            }
-        });
-        Self { address, taken, given_up }
-    }
 }
 
 /// A run that is watched, and its page.
@@ -96,15 +47,15 @@ fn plays(dir: &Path, more: &[&str]) -> Live {
 }
 
 /// A tone at full level whose graph was edited, so that a hand is being opened that never answers.
-fn opening(dir: &Path) -> (Live, Onlooker, Mute) {
-    replace(dir, &tone("", ""));
+fn opening(dir: &Path) -> (Live, Onlooker, Service) {
+    edit(dir, &tone("", ""));
     let (live, mut onlooker) = watched(dir, &["--report", "r.json"]);
     onlooker.until("full level", |s| s.view["seconds"].as_f64() > Some(2.6));
     assert!(onlooker.shown.view["peak"].as_f64() > Some(0.05), "{}", onlooker.shown.view);
-    let mute = Mute::start();
+    let mute = Service::mute();
     let [nodes, wires] = arm(mute.address, "");
-    replace(dir, &tone(&nodes, &wires));
-    onlooker.until("that it is being opened", |_| mute.taken.load(Relaxed) > 0);
+    edit(dir, &tone(&nodes, &wires));
+    onlooker.until("that it is being opened", |_| mute.unheard.load(Relaxed) > 0);
     (live, onlooker, mute)
 }
 
@@ -122,7 +73,7 @@ fn fall(heard: &[f32], from: usize) -> usize {
 
 #[test]
 fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let (live, mut onlooker, mute) = opening(dir);
     let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
     onlooker.ask(&json!({ "mute": true }));
@@ -149,20 +100,20 @@ fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
 fn exchanging(dir: &Path) -> (Live, Onlooker, Service) {
     let service = Service::start();
     let [nodes, wires] = arm(service.address, "");
-    replace(dir, &tone(&nodes, &wires));
+    edit(dir, &tone(&nodes, &wires));
     let (live, mut onlooker) = watched(dir, &["--report", "r.json"]);
     onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
     service.mute.store(true, Relaxed);
     let [nodes, wires] = arm(service.address, r#"device: "049D""#);
     let more = [r#""q": (kind: "probe", params: (file: "q.csv")),"#, r#"("arm.position", "q"),"#];
-    replace(dir, &tone(&(nodes + more[0]), &(wires + more[1])));
+    edit(dir, &tone(&(nodes + more[0]), &(wires + more[1])));
     onlooker.until("that it is being opened", |_| service.unheard.load(Relaxed) > 0);
     (live, onlooker, service)
 }
 
 #[test]
 fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let (live, onlooker, mute) = opening(dir);
     let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
     assert_eq!(mute.given_up.load(Relaxed), 0);
@@ -200,18 +151,18 @@ fn osc_hand_is_let_go_only_for_settings_that_can_be() {
         tone(&(node + place), r#"("stylus.position", "place"),"#)
     };
     let here = |more: &str| stylus("127.0.0.1", more);
-    replace(dir, &here(""));
+    edit(dir, &here(""));
     let mut live = plays(dir, &[]);
     let before = socket(port);
     for (wrong, named) in [(r#", arguments: "foo""#, "foo"), (r#", address: "no slash""#, "no slash")] {
-        replace(dir, &here(wrong));
+        edit(dir, &here(wrong));
         let said = live.says("cannot be taken over");
         assert!(live.said().contains(named), "{said}");
         assert_eq!(socket(port), before, "it was closed for {wrong}");
     }
     // It may start to listen on all addresses.
     for text in [stylus("0.0.0.0", ", anywhere: true"), here("")] {
-        replace(dir, &text);
+        edit(dir, &text);
         let said = live.says("g.ron changed");
         assert!(said.contains("stylus"), "{said}: {}", live.said());
     }
@@ -230,11 +181,11 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
         text.replace(stylus, &format!(r#"(kind: "haply_input", params: {params})"#))
     };
     let (with, other) = (text(2000), text(1000));
-    replace(dir, &with);
+    edit(dir, &with);
     let (live, mut onlooker) = watched(dir, &[]);
     onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
     drop(service);
-    replace(dir, &other);
+    edit(dir, &other);
     onlooker.until("that it is gone", |_| live.said().contains("cannot be had again"));
     let chosen = |layout: &serde_json::Value| layout["materials"][0]["chosen"].clone();
     assert_ne!(chosen(&onlooker.shown.layout), "sandpaper P40");
@@ -251,7 +202,7 @@ fn an_edit_that_is_refused_keeps_the_hand() {
         let [nodes, wires] = arm(address, more);
         tone(&nodes, &wires)
     };
-    replace(dir, &with(service.address, ""));
+    edit(dir, &with(service.address, ""));
     let (live, mut onlooker) = watched(dir, &[]);
     let samples = |o: &Onlooker| o.shown.view["sources"][0]["samples"].as_u64().unwrap_or(0);
     onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
@@ -261,7 +212,7 @@ fn an_edit_that_is_refused_keeps_the_hand() {
 
     // A service that is not there.
     let nobody = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a port");
-    replace(dir, &with(nobody, ""));
+    edit(dir, &with(nobody, ""));
     onlooker.until("the reason", |_| refusals() > 0);
     let (stalled, before) = (stalls(&onlooker), samples(&onlooker));
     let goes_on = |s: &Shown, n: u64| s.view["sources"][0]["samples"].as_u64() > Some(n + 500);
@@ -272,7 +223,7 @@ fn an_edit_that_is_refused_keeps_the_hand() {
     // The same service, of which another device is wanted that it does not have: only when the first is let
     // go is that known.
     let counted = samples(&onlooker);
-    replace(dir, &with(service.address, r#"device: "ABCD""#));
+    edit(dir, &with(service.address, r#"device: "ABCD""#));
     onlooker.until("the reason", |_| refusals() > 1);
     let before = samples(&onlooker);
     onlooker.until("that the hand is back", |s| goes_on(s, before));
@@ -287,7 +238,7 @@ fn an_edit_that_is_refused_keeps_the_hand() {
 
 #[test]
 fn outputs_that_change_places_in_the_file_keep_their_channels() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let voice = |id: &str, hz: f64| {
         format!(
             r#""{id} tone": (kind: "sine", params: (frequency_hz: {hz:?})),
@@ -303,15 +254,15 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
     let text = |voices: [String; 2]| {
         format!("Graph(version: 1, nodes: {{{}{}{ears}}}, wires: [{wires}])", voices[0], voices[1])
     };
-    replace(dir, &text([voice("a", 80.0), voice("b", 250.0)]));
+    edit(dir, &text([voice("a", 80.0), voice("b", 250.0)]));
     let card = "simulated:frames=256,channels=2,inputs=2,loopback=1";
     let mut live = Live::start(dir, &["g.ron", "--watch", "--device", card, "--channel", "1,2"]);
     live.says("plays on");
     std::thread::sleep(Duration::from_millis(500));
-    replace(dir, &text([voice("b", 250.0), voice("a", 80.0)]));
+    edit(dir, &text([voice("b", 250.0), voice("a", 80.0)]));
     live.says("changed:");
     // And another change, which begins where that one left off.
-    replace(dir, &text([voice("b", 250.0), voice("a", 81.0)]));
+    edit(dir, &text([voice("b", 250.0), voice("a", 81.0)]));
     let said = live.says("changed:");
     assert!(said.contains("a tone"), "{said}");
     std::thread::sleep(Duration::from_millis(800));
@@ -329,7 +280,7 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
 
 #[test]
 fn of_textures_chosen_in_a_burst_the_newest_plays() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     std::fs::write(dir.join("g.ron"), graph("live.ron", "", "")).expect("a graph");
     let mut live = Live::start(dir, &["g.ron", "--page", "--device", CARD]);
     let mut onlooker = Onlooker::at(&live.says("the page: "));
@@ -378,15 +329,15 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
 
 #[test]
 fn files_added_by_an_edit_hold_the_time_they_were_there() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let early = [r#""early": (kind: "file_out", params: (file: "early.npy")),"#, r#"("limiter", "early"),"#];
     let late = [r#""late": (kind: "file_out", params: (file: "late.npy")),"#, r#"("limiter", "late"),"#];
-    replace(dir, &tone(early[0], early[1]));
+    edit(dir, &tone(early[0], early[1]));
     let mut live = plays(dir, &["--report", "r.json"]);
     std::thread::sleep(Duration::from_millis(300));
     // What another sink writes, or wrote, is not written over.
     for file in ["sent.npy", "r.json", "g.ron"] {
-        replace(
+        edit(
             dir,
             &tone(
                 &format!("{}{}", early[0], late[0].replace("late.npy", file)),
@@ -396,14 +347,14 @@ fn files_added_by_an_edit_hold_the_time_they_were_there() {
         live.says("cannot be taken over");
         live.says("the running graph goes on");
     }
-    replace(dir, &tone(late[0], late[1]));
+    edit(dir, &tone(late[0], late[1]));
     live.says("changed:");
     std::thread::sleep(Duration::from_millis(300));
-    replace(dir, &tone(&late[0].replace("late.npy", "early.npy"), late[1]));
+    edit(dir, &tone(&late[0].replace("late.npy", "early.npy"), late[1]));
     live.says("cannot be taken over");
     live.says("the running graph goes on");
     // The same sink into another file.
-    replace(dir, &tone(&late[0].replace("late.npy", "later.wav"), late[1]));
+    edit(dir, &tone(&late[0].replace("late.npy", "later.wav"), late[1]));
     live.says("changed:");
     std::thread::sleep(Duration::from_millis(300));
     let ran = live.stop().ok();
@@ -432,7 +383,7 @@ fn files_added_by_an_edit_hold_the_time_they_were_there() {
 #[test]
 fn pointer_added_by_an_edit_moves_on_the_open_page() {
     let dir = &*shared_stage();
-    replace(dir, &tone("", ""));
+    edit(dir, &tone("", ""));
     let (live, mut onlooker) = watched(dir, &[]);
     onlooker.until("the graph", |s| s.layout["nodes"].is_array() && s.view["ticks"].as_u64() > Some(10));
     assert!(!onlooker.shown.hand);
@@ -441,7 +392,7 @@ fn pointer_added_by_an_edit_moves_on_the_open_page() {
            "place": (kind: "probe", params: (file: "place.csv")),"#,
         r#"("hand.position", "place"),"#,
     ];
-    replace(dir, &tone(pointer[0], pointer[1]));
+    edit(dir, &tone(pointer[0], pointer[1]));
     onlooker.until("something to stroke", |s| s.hand);
     let mut at = 0;
     onlooker.until("the graph with it", |s| s.view["layout"] == 1);
@@ -451,7 +402,7 @@ fn pointer_added_by_an_edit_moves_on_the_open_page() {
         onlooker.touches(f64::from(at) * 8.0, 0.1 * f64::from(at), 0.5, 1.0);
         onlooker.looks_on(Duration::from_millis(5));
     }
-    replace(dir, &tone("", ""));
+    edit(dir, &tone("", ""));
     onlooker.until("nothing to stroke", |s| !s.hand);
     onlooker.touches(1e6, 3.0, 0.5, 2.0);
     onlooker.looks_on(Duration::from_millis(100));

@@ -37,7 +37,7 @@ fn run_comes_back_with_a_killed_server_and_ticks_went_on() {
     program.says("` is back");
     let ear = Ear::new(60 * RATE);
     ear.hear(program.id());
-    ear.wait(3 * RATE);
+    ear.wait(5 * RATE / 2);
     program.signal("INT");
     let went_on_s = START_S + lost.elapsed().as_secs_f64();
     program.end().ok();

@@ -8,11 +8,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::live::{CARD, EARS, Live, graph, npy, rms, rows, told};
 use harness::{json, root};
 use rosc::{OscMessage, OscPacket, OscType};
 
+use crate::edits::edit;
 use crate::haply::Service;
 
 /// Samples of a tick at 48 kHz.
@@ -97,15 +98,9 @@ fn osc_graph(port: u16) -> String {
     )
 }
 
-/// Puts a file in its place at once, as editors do.
-fn replace(dir: &Path, text: &str) {
-    std::fs::write(dir.join("new"), text).expect("a file");
-    std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
-}
-
 #[test]
 fn osc_stylus_is_heard_beside_garbage_and_after_an_edit() {
-    let _alone = real_time();
+    let _alone = beside_others();
     told(a_stylus_goes_on_while_its_graph_changes);
 }
 
@@ -113,13 +108,13 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let (old, new) = (free_port(), free_port());
-    replace(dir, &osc_graph(old));
+    edit(dir, &osc_graph(old));
     let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--report", "r.json"]);
     live.says("plays on");
 
     // The port is taken now: another run says so, and plays nothing.
     let elsewhere = tempfile::tempdir().expect("a folder");
-    replace(elsewhere.path(), &osc_graph(old));
+    edit(elsewhere.path(), &osc_graph(old));
     let other = harness::run(elsewhere.path(), &["run", "g.ron", "--device", CARD, "--seconds", "1"]);
     assert_eq!(other.code, 2, "{}", other.err);
     assert!(other.err.contains(&format!("127.0.0.1:{old}")) && other.err.contains("stylus"), "{}", other.err);
@@ -136,14 +131,14 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
         tracker
     });
     std::thread::sleep(Duration::from_millis(800));
-    replace(dir, &text);
+    edit(dir, &text);
     let said = live.says("changed:");
     assert!(said.contains("strength.gain") && said.contains("texture"), "{said}");
     std::thread::sleep(Duration::from_millis(500));
     going.store(false, Relaxed);
     let held_s = sender.join().expect("it sends").held_s.get();
     // Nobody sends any more; then it listens elsewhere.
-    replace(dir, &text.replace(&old.to_string(), &new.to_string()));
+    edit(dir, &text.replace(&old.to_string(), &new.to_string()));
     let said = live.says("changed:");
     assert!(said.contains("stylus"), "{said}");
     Tracker::around(200.0, old).strokes(0.2);
@@ -196,12 +191,12 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
 
 #[test]
 fn a_source_that_falls_silent_is_counted_and_no_longer_heard() {
-    let _alone = real_time();
+    let _alone = beside_others();
     told(|| {
         let dir = tempfile::tempdir().expect("a folder");
         let dir = dir.path();
         let port = free_port();
-        replace(dir, &osc_graph(port).replace("timeout_ms: 400", "timeout_ms: 50"));
+        edit(dir, &osc_graph(port).replace("timeout_ms: 400", "timeout_ms: 50"));
         let mut live = Live::start(dir, &["g.ron", "--device", CARD, "--report", "r.json"]);
         live.says("plays on");
         let tracker = Tracker::to(port);
@@ -231,7 +226,7 @@ fn a_source_that_falls_silent_is_counted_and_no_longer_heard() {
 
 #[test]
 fn a_hand_takes_the_place_of_a_trajectory() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::write(dir.path().join("g.ron"), graph("texture.ron", "", "")).expect("a graph");
     let port = free_port();
@@ -277,7 +272,7 @@ fn forces(dir: &Path) -> Vec<f64> {
 
 #[test]
 fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let nodes = format!(r#"{}"pushes": (kind: "probe", params: (file: "force.csv")),"#, EARS[0]);
@@ -314,7 +309,7 @@ fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
 
 #[test]
 fn a_graph_that_only_pushes_back_runs_by_the_timer() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let text = r#"Graph(version: 1, tick_hz: 1000, nodes: {
@@ -344,7 +339,7 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
 
 #[test]
 fn inverse3_pushes_back_and_a_missing_service_is_an_error() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     std::fs::write(dir.join("g.ron"), graph("haply.ron", EARS[0], EARS[1])).expect("a graph");

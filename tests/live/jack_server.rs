@@ -33,7 +33,7 @@ fn plays_what_is_rendered(clock: &str, seconds: usize, wheeled: usize) {
 #[test]
 fn callback_on_jack_plays_every_sample_also_in_freewheel() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
-    plays_what_is_rendered("callback", 4, 20);
+    plays_what_is_rendered("callback", 4, 8);
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod devices;
 mod driver;
 mod ear;
 mod edit;
+mod edits;
 mod ends;
 mod faults;
 mod hand;

@@ -10,6 +10,7 @@ use harness::chromium::Chromium;
 use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rms, rows, told};
 
+use crate::edits::edit;
 use crate::pen::Pen;
 
 /// Samples of a tick at 48 kHz.
@@ -236,11 +237,9 @@ fn a_page_that_is_gone_is_silent(kept: &mut Kept) -> Result<(), String> {
     let mut pen = kept.pen(&url);
     // The pen has another reader from here on.
     pen.strokes(0.2, 160.0);
-    let file = dir.path().join("g.ron");
-    let text = std::fs::read_to_string(&file).expect("a graph");
+    let text = std::fs::read_to_string(dir.path().join("g.ron")).expect("a graph");
     assert!(text.contains("depth_mm: 6.6"), "{text}");
-    std::fs::write(dir.path().join("new"), text.replace("depth_mm: 6.6", "depth_mm: 6.5")).expect("a file");
-    std::fs::rename(dir.path().join("new"), file).expect("a file");
+    edit(dir.path(), text.replace("depth_mm: 6.6", "depth_mm: 6.5"));
     assert!(live.says("changed:").contains("stylus"), "{}", live.said());
     pen.strokes(0.8, 160.0);
     pen.does("location.href = 'about:blank'");

@@ -2,7 +2,6 @@
 //! the page.
 
 use std::fs;
-use std::path::Path;
 use std::time::Duration;
 
 use asperity_audio::simulated::Simulated;
@@ -16,6 +15,7 @@ use harness::stage::{by_hand, channel, offline, options, start, stop};
 use harness::{graph, graphs, json};
 use serde_json::Value;
 
+use crate::edits::replace;
 use crate::pen::Pen;
 
 /// A shipped scene as a graph.
@@ -70,12 +70,6 @@ fn table(friction: &str, right: &str) -> String {
 const RIGHT: &str = "stiffness: (stiffness_n_per_mm: 0.5), texture: waveform(segments: [(0, 0), (0.5, 4), \
                      (1, 0), (1.5, -4), (2, 0)], reference_speed_mm_s: 80)";
 
-/// Puts a file in its place at once.
-fn replace(dir: &Path, name: &str, text: &[u8]) {
-    fs::write(dir.join(".new"), text).expect("it is written");
-    fs::rename(dir.join(".new"), dir.join(name)).expect("it is renamed");
-}
-
 fn made(name: &str) -> Vec<u8> {
     fs::read(graphs("models/made_ar").join(name)).expect("a made texture")
 }
@@ -89,27 +83,27 @@ fn a_scene_and_the_files_it_names_change_while_it_is_played() {
     let mut live = Live::start(dir, &[&args[..], &["--report", "r.json"]].concat());
     live.says("plays on");
     std::thread::sleep(Duration::from_millis(2500));
-    replace(dir, "s.ron", table("0.2", RIGHT).as_bytes());
+    replace(dir, "s.ron", table("0.2", RIGHT));
     let said = live.says("s.ron changed: ");
     assert!(said.contains("`friction`"), "{said}");
-    replace(dir, "m.ron", &made("smooth.ron"));
+    replace(dir, "m.ron", made("smooth.ron"));
     let said = live.says("m.ron changed: ");
     assert!(said.contains("`autoregressive"), "{said}");
     // What is wrong leaves it playing, and says where it is wrong.
-    replace(dir, "s.ron", table("0.2", "stifness: ()").as_bytes());
+    replace(dir, "s.ron", table("0.2", "stifness: ()"));
     live.says("s.ron changed, and cannot be taken over:");
     let said = live.says("error: ");
     assert!(said.contains("`stifness`"), "{said}");
     live.says("the running graph goes on");
     replace(dir, "m.ron", b"Autoregressive(");
-    replace(dir, "s.ron", table("0.2", RIGHT).as_bytes());
+    replace(dir, "s.ron", table("0.2", RIGHT));
     live.says("m.ron");
     live.says("the running graph goes on");
     // An effect that nothing names any more goes, one that is new comes.
     let right = "stiffness: (stiffness_n_per_mm: 0.5), tap: (sinusoids: [(frequency_hz: 150, decay_ms: 20, \
                  gain: 20)])";
-    replace(dir, "m.ron", &made("smooth.ron"));
-    replace(dir, "s.ron", table("0.2", right).as_bytes());
+    replace(dir, "m.ron", made("smooth.ron"));
+    replace(dir, "s.ron", table("0.2", right));
     let said = live.says("changed: ");
     assert!(said.contains("tap") && said.contains("waveform"), "{said}");
     std::thread::sleep(Duration::from_millis(500));

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use asperity_audio::Stream;
 use asperity_audio::simulated::{Params, Simulated};
-use harness::alone::{beside_others, real_time};
+use harness::alone::beside_others;
 
 use super::parts::{Count, Each, by_hand, calls, left, loss, on, play, refusal};
 
@@ -32,7 +32,7 @@ fn underrun_and_few_errors_are_counted_and_do_no_harm() {
 
 #[test]
 fn flood_of_errors_is_one_loss_and_closes_the_stream() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (card, stream) = live("flood");
     // Like ALSA over a killed Pulse server.
     card.stop();
@@ -45,7 +45,7 @@ fn flood_of_errors_is_one_loss_and_closes_the_stream() {
 
 #[test]
 fn lost_stream_that_still_calls_fades_out_before_closing() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let faded = (0..10).any(|at| {
         let params = Params { frames: vec![64], keep: true, ..Params::default() };
         let card = Simulated::new(&format!("fade {at}"), params).unwrap();
@@ -63,7 +63,7 @@ fn lost_stream_that_still_calls_fades_out_before_closing() {
 
 #[test]
 fn unplugged_device_is_lost_and_opens_again_when_back() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (card, stream) = live("plug");
     card.unplug();
     assert!(loss(&stream).contains("not available"), "{:?}", stream.lost());
@@ -82,7 +82,7 @@ fn unplugged_device_is_lost_and_opens_again_when_back() {
 
 #[test]
 fn short_gap_loses_no_sample_and_is_no_loss() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (card, stream) = live("gap");
     card.gap(Duration::from_millis(300));
     calls(&stream, 100);
@@ -93,7 +93,7 @@ fn short_gap_loses_no_sample_and_is_no_loss() {
 
 #[test]
 fn device_that_does_not_call_is_lost() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (card, stream) = live("stop");
     card.stop();
     assert!(loss(&stream).contains("not called for 1."), "{:?}", stream.lost());

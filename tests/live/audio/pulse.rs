@@ -25,7 +25,7 @@ fn pulse_input_hears_the_output_after_the_reported_latency() {
         let wanted = Request { input_device, inputs: vec![1], period_frames: Some(period), ..request() };
         let stream = record(&wanted, count, Some(ear.clone()));
         assert_eq!(stream.input_id().as_deref(), Some("pulseaudio:test.monitor"));
-        until("two seconds", || ear.heard().len() > 96_000);
+        until("a second and a half", || ear.heard().len() > 72_000);
         let told_ms = stream.stats().latency_ms + stream.input_stats().unwrap().latency_ms;
         drop(stream);
         // PulseAudio drops what it recorded, and does not say so, where a busy machine takes it too late.
@@ -51,7 +51,7 @@ fn default_period_is_far_below_two_seconds() {
     let taken = || ["fd", "task"].map(|of| std::fs::read_dir(format!("/proc/self/{of}")).unwrap().count());
     calls(&stream, 100);
     let before = taken();
-    std::thread::sleep(Duration::from_secs(2));
+    std::thread::sleep(Duration::from_secs(1));
     assert!(taken().iter().zip(before).all(|(now, before)| *now <= before + 1), "{before:?} {:?}", taken());
 }
 
@@ -146,7 +146,7 @@ fn vanished_device_is_a_loss_and_not_replaced() {
             let wanted = Request { input_device: input.map(str::to_owned), inputs, ..wanted };
             let stream = record(&wanted, Count::default(), input.map(|_| Ear::default()));
             assert!(input.is_some() || stream.id() == "pulseaudio:haptic", "{}", stream.id());
-            until("calls", || stream.lost().is_some() || stream.stats().callbacks > 200);
+            until("calls", || stream.lost().is_some() || stream.stats().callbacks > 60);
             let before = stream.lost().map(str::to_owned);
             pactl(&["unload-module", &sink]);
             if let Some(reason) = before {

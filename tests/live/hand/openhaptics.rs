@@ -4,15 +4,15 @@
 use std::ffi::{c_uint, c_void};
 use std::path::PathBuf;
 use std::process::Command;
-use std::sync::RwLockWriteGuard;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLockReadGuard};
 use std::time::Duration;
 
 use asperity_hand::openhaptics::start;
 use asperity_hand::{ArmOptions, Handle};
 use asperity_live::{ForceReader, SampleReader, force_model, now_ns, samples};
 use asperity_motion::AxisMap;
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::counting::allocations;
 use harness::live::{Background, until};
 use libloading::{Library, Symbol};
@@ -25,8 +25,10 @@ struct Standin {
     library: Library,
     path: PathBuf,
     _folder: tempfile::TempDir,
-    _turn: RwLockWriteGuard<'static, ()>,
+    _turn: (MutexGuard<'static, ()>, RwLockReadGuard<'static, ()>),
 }
+
+static TURN: Mutex<()> = Mutex::new(());
 
 fn build(folder: &tempfile::TempDir, flag: &str) -> PathBuf {
     let path = folder.path().join("libHD.so");
@@ -44,7 +46,7 @@ fn build(folder: &tempfile::TempDir, flag: &str) -> PathBuf {
 
 impl Standin {
     fn new() -> Self {
-        let turn = real_time();
+        let turn = (TURN.lock().unwrap_or_else(PoisonError::into_inner), beside_others());
         let folder = tempfile::tempdir().unwrap();
         let path = build(&folder, "-DWHOLE");
         // SAFETY: the stand-in has no initialisers.

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use harness::alone::{beside_others, real_time};
+use harness::alone::beside_others;
 use harness::asperity;
 use harness::live::{Live, npy, until};
 
@@ -54,11 +54,11 @@ fn heat(dir: &Path) -> f64 {
 }
 
 #[test]
-fn four_runs_in_a_row_heat_the_coil_no_more_than_one() {
-    let _alone = real_time();
+fn three_runs_in_a_row_heat_the_coil_no_more_than_one() {
+    let _alone = beside_others();
     let dir = folder();
     let mut coil = Coil::new(RATE);
-    for n in 0..4 {
+    for n in 0..3 {
         let began = Instant::now();
         let ran = start(dir.path(), &["--seconds", "3"]).end().ok();
         assert!(!ran.err.contains("at its rating"), "{}", ran.err);
@@ -139,7 +139,7 @@ fn second_run_on_an_actuator_is_refused_by_name() {
 
 #[test]
 fn two_runs_that_share_have_half_each() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = folder();
     let mut first = start(dir.path(), &["--share", "--seconds", "4"]);
     let other = folder();

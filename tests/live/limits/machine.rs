@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use harness::alone::{shared_stage, stage};
+use harness::alone::shared_stage;
 use harness::live::{Live, npy};
 use harness::{Ran, run};
 
@@ -91,7 +91,7 @@ fn two_entries_for_one_channel_are_refused() {
 
 #[test]
 fn most_volts_of_the_machine_hold_for_every_graph() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     known(dir, "--most-volts 0.08").ok();
     let ran = play(dir, &square("", "")).ok();
     assert!(ran.out.contains("held to the actuator's limits"), "{} {}", ran.out, ran.err);

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use asperity_live::view::{Request, View};
 use asperity_live::{RunControl, SampleReader, samples};
 use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::live::until;
 use tungstenite::protocol::CloseFrame;
 use tungstenite::{Message, WebSocket};
@@ -106,7 +106,7 @@ fn number(view: &[u8]) -> u64 {
 
 #[test]
 fn address_without_token_host_or_origin_is_refused() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let (port, token) = (stage.port(), stage.token().to_owned());
     let other = token.chars().rev().collect::<String>();
@@ -151,7 +151,7 @@ fn address_without_token_host_or_origin_is_refused() {
 
 #[test]
 fn files_forbid_and_ask_for_nothing_from_elsewhere() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     for path in files() {
         let answer = stage.right(path);
@@ -177,7 +177,7 @@ fn files_forbid_and_ask_for_nothing_from_elsewhere() {
 
 #[test]
 fn of_a_hundred_pages_sixteen_watch_and_the_rest_are_told() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut watching = Vec::new();
     let mut refused = 0;
@@ -210,7 +210,7 @@ fn heavy(number: u64) -> View {
 
 #[test]
 fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let silent = stage.watch().expect("a place");
     let mut liar = stage.watch().expect("a place");
@@ -247,7 +247,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
 
 #[test]
 fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut silent = stage.watch().expect("a place");
     for n in 1..=100 {
@@ -267,7 +267,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
 
 #[test]
 fn garbage_or_too_much_ends_only_its_connection() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut good = stage.watch().expect("a place");
     let bad = [
@@ -313,7 +313,7 @@ fn garbage_or_too_much_ends_only_its_connection() {
 
 #[test]
 fn idle_connections_are_bounded_and_closed() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut good = stage.watch().expect("a place");
     let idle: Vec<TcpStream> = (0..CONNECTIONS + 40).map(|_| stage.tcp()).collect();
@@ -325,7 +325,7 @@ fn idle_connections_are_bounded_and_closed() {
 /// Once, idle connections without a token filled the server, and a page with the token got 503 for 5 s.
 #[test]
 fn idle_connections_keep_no_page_with_token_out() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let idle: Vec<TcpStream> = (0..3 * CONNECTIONS).map(|_| stage.tcp()).collect();
     let begun = Instant::now();
@@ -345,7 +345,7 @@ fn idle_connections_keep_no_page_with_token_out() {
 /// A request for a part that the graph does not have is refused with a reason; any other is asked for.
 #[test]
 fn request_for_a_missing_part_is_refused_with_a_reason() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
     let mut ask = |text: &str| {
@@ -385,7 +385,7 @@ fn request_for_a_missing_part_is_refused_with_a_reason() {
 
 #[test]
 fn pages_are_told_that_the_run_has_ended() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
     let port = stage.port();
@@ -405,7 +405,7 @@ fn pages_are_told_that_the_run_has_ended() {
 
 #[test]
 fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let taken = Options { port: stage.port(), token: None };
     let error = serve(taken, stage.feed.clone(), RunControl::default(), None).expect_err("it is taken");
@@ -419,7 +419,7 @@ fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
 
 #[test]
 fn hand_goes_on_with_another_writer_and_new_strokes() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (to, mut first) = samples();
     let run_control = RunControl::default();
     let page =

@@ -4,7 +4,7 @@ use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
 use asperity_live::{DeviceQueues, Sample, SessionOptions, needs_queues, now_ns, samples};
-use harness::alone::{beside_others, real_time, stage};
+use harness::alone::{beside_others, shared_stage};
 use harness::live::Live;
 use harness::stage::{
     STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, swap, voice,
@@ -91,7 +91,7 @@ fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
 
 #[test]
 fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let hand = |gain: f64, timeout_ms: f64| {
         let (nodes, wires) = voice("out", 80.0, 0.1);
         let nodes = format!(
@@ -144,7 +144,7 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
 /// The run goes on.
 #[test]
 fn edit_of_the_devices_channels_is_refused() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let write = |voices: &[(String, String)], amps: f64| {
         let (nodes, wires): (Vec<_>, Vec<_>) = voices.iter().cloned().unzip();
         let (nodes, wires) = (nodes.concat().replace("0.1", &format!("{amps:?}")), wires.concat());

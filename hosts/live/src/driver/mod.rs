@@ -8,7 +8,6 @@ mod callback;
 mod controls;
 mod paced;
 mod run;
-mod sleep;
 mod timer;
 
 pub use callback::{CallbackHalf, callback};
@@ -178,6 +177,11 @@ impl<T: Ticker> Drop for Driver<T> {
     fn drop(&mut self) {
         drop(self.end(true));
     }
+}
+
+/// Sleeps until a time of [`now_ns`](crate::now_ns).
+fn sleep_until(time_ns: u64) {
+    std::thread::sleep(Duration::from_nanos(time_ns.saturating_sub(crate::now_ns())));
 }
 
 /// Options of a driver.

@@ -28,10 +28,10 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use super::run::{self, Output, RUN_BEHIND, Rates, SLEW};
-use super::{Clock, Controls, Driver, Options, Ticker, sleep};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep_until};
 use crate::dll::Line;
 use crate::now_ns;
-use crate::realtime::Asked;
+use crate::realtime::{ask_priority, touch_stack};
 
 opaque_debug!(PacedHalf);
 
@@ -55,7 +55,7 @@ const DEVICE_STACK: usize = 32_768;
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
 pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<(Driver<T>, PacedHalf)> {
-    let controls = Controls::new(options, Some(Asked::default()));
+    let controls = Controls::new(options);
     let rates = ticker.rates();
     let (to, ring) = HeapRb::new(room(&rates, options)).split();
     let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
@@ -68,6 +68,7 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
         lines,
         owed: 0,
         began: false,
+        priority: options.priority,
     };
     let pace = Pace {
         controls: Arc::clone(&controls),
@@ -117,7 +118,7 @@ impl Pace {
         }
         // The device still fades its last samples.
         while !self.over() && !self.controls.failed() {
-            sleep::until(now_ns() + NAP_NS);
+            sleep_until(now_ns() + NAP_NS);
         }
         ticker
     }
@@ -144,7 +145,7 @@ impl Pace {
                 self.stream.begin.store(begin as u64, Release);
                 return true;
             }
-            sleep::until(now + 1_000_000);
+            sleep_until(now + 1_000_000);
         }
     }
 
@@ -156,7 +157,7 @@ impl Pace {
         let due = (line.time_ns(position) - self.lead_ns).max(0.0) as u64;
         let now = now_ns();
         if due > now {
-            sleep::until(due.min(now + NAP_NS));
+            sleep_until(due.min(now + NAP_NS));
             if now_ns() < due {
                 return true;
             }
@@ -168,7 +169,7 @@ impl Pace {
         let len = self.rates.len(tick).min(self.samples.len());
         if self.ring.vacant_len() < len {
             // The ring is full: the device stands still, or catches up.
-            sleep::until(now + NAP_NS);
+            sleep_until(now + NAP_NS);
             return true;
         }
         self.read_ns = self.read_ns.max(due);
@@ -229,6 +230,8 @@ pub struct PacedHalf {
     /// Frames owed, without the thread's skips.
     owed: i64,
     began: bool,
+    /// Priority that the device's thread still has to request.
+    priority: Option<i32>,
 }
 
 impl Process for PacedHalf {
@@ -236,9 +239,11 @@ impl Process for PacedHalf {
         let _flushed = Flushed::new();
         let Some(heard) = self.out.begin(block) else { return };
         let (controls, channels) = (Arc::clone(&self.out.controls), self.out.channels);
-        // Ticks run on another thread, but a late callback is audible too.
-        if let Some(asked) = &controls.device_asked {
-            asked.once::<DEVICE_STACK>(controls.priority);
+        // Ticks run on another thread, but a late callback is audible too. If this is refused, so is the
+        // request of the thread that ticks, which is reported.
+        if let Some(priority) = self.priority.take() {
+            ask_priority(priority);
+            touch_stack::<DEVICE_STACK>();
         }
         self.lines.write(*self.out.dll.line());
         if heard.lost > 0 && self.began {
