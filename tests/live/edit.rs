@@ -12,7 +12,7 @@ use serde_json::json;
 
 use crate::edits::{edit, tone};
 use crate::haply::Service;
-use crate::onlooker::{Onlooker, Shown};
+use crate::socket::{Onlooker, Shown};
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;

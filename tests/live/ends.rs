@@ -12,7 +12,7 @@ use harness::servers::{signal, skipped};
 use harness::{asperity, json, run, wav};
 
 use crate::edits::{edit, tone};
-use crate::onlooker::{Onlooker, Shown};
+use crate::socket::{Onlooker, Shown};
 
 /// First bytes to a terminal.
 const ENTER: &str = "\x1b[?1049h";

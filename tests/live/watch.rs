@@ -155,15 +155,6 @@ fn a_file_that_a_text_names_is_seen_to_change() {
 }
 
 #[test]
-fn without_watch_a_graph_that_changes_is_left_as_it_was() {
-    let dir = &*shared_stage();
-    build(dir, "-DAMPLITUDE=0.1f");
-    fs::write(dir.join("g.ron"), graph("0.5", "")).unwrap();
-    harness::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "r.json"]).ok();
-    assert_eq!(json(&dir.join("r.json"))["swaps"].as_array().map(Vec::len), Some(0));
-}
-
-#[test]
 fn plugin_that_is_damaged_or_meddles_does_not_come_into_a_run() {
     let dir = &*shared_stage();
     build(dir, "-DAMPLITUDE=0.1f");

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use asperity_audio::{Cause, Request, hosts, open};
 use harness::live::{told, until};
-use harness::servers::{Pulse, inside};
+use harness::servers::{Process, Pulse, inside};
 use harness::test_name;
 
 use super::parts::{Count, Ear, around, calls, loss, play, record, refusal};
@@ -71,30 +71,24 @@ fn device_or_channel_that_pulse_would_make_up_is_refused() {
 }
 
 #[test]
-fn killed_pulse_is_a_loss_and_the_next_one_opens() {
+fn stopped_or_killed_pulse_is_a_loss_and_the_next_one_opens() {
     let Some(server) = inside(test_name!(), Pulse::start) else { return };
-    let stream = play(&request(), Count::default());
-    calls(&stream, 20);
-    server.kill();
-    println!("killed: {}", loss(&stream));
-    drop(stream);
-    assert_eq!(refusal(&request()).cause, Cause::Host);
+    let lost = |harm: fn(&Process)| {
+        let stream = play(&request(), Count::default());
+        calls(&stream, 20);
+        harm(&server);
+        println!("{}", loss(&stream));
+        drop(stream);
+        assert_eq!(refusal(&request()).cause, Cause::Host);
+    };
+    // A server that is stopped says nothing.
+    lost(Process::stop);
+    server.go_on();
+    until("the server to answer again", || open(&request(), Box::new(Count::default()), None).is_ok());
+    lost(Process::kill);
     let folder = std::env::var("PULSE_RUNTIME_PATH").unwrap();
     let _next = Pulse::in_folder(Path::new(&folder)).expect("another server");
     calls(&play(&request(), Count::default()), 20);
-}
-
-#[test]
-fn stopped_server_is_a_loss_though_it_says_nothing() {
-    let Some(server) = inside(test_name!(), Pulse::start) else { return };
-    let stream = play(&request(), Count::default());
-    calls(&stream, 20);
-    server.stop();
-    println!("stopped: {}", loss(&stream));
-    drop(stream);
-    assert_eq!(refusal(&request()).cause, Cause::Host);
-    server.go_on();
-    until("the server to answer again", || open(&request(), Box::new(Count::default()), None).is_ok());
 }
 
 #[test]

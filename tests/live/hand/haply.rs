@@ -13,7 +13,7 @@ use asperity_node::Diagnostic;
 use harness::alone::beside_others;
 use harness::live::{Background, until};
 
-use super::held::{floor, newest, problem};
+use super::{floor, newest, problem};
 use crate::haply::Service;
 
 fn options(service: &Service) -> ArmOptions {

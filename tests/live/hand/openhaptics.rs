@@ -17,7 +17,7 @@ use harness::counting::allocations;
 use harness::live::{Background, until};
 use libloading::{Library, Symbol};
 
-use super::held::{floor, newest, problem};
+use super::{floor, newest, problem};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.

@@ -72,21 +72,6 @@ fn every_card_plays_what_the_graph_gives_sample_by_sample() {
     (0..105).for_each(check);
 }
 
-#[test]
-fn a_start_is_the_graph_times_a_raised_cosine_of_two_seconds() {
-    let _alone = beside_others();
-    let card = Simulated::new("start", by_hand()).expect("a card");
-    let _session = start(one_voice(), SessionOptions { start_s: 2.0, ..options(&card, Clock::Callback) });
-    let frames = 100 * 1024;
-    (0..100).for_each(|_| card.step(1024));
-    let wanted = offline(one_voice().1, frames).swap_remove(0);
-    for (n, y) in channel(&card.played(), 2, 0).into_iter().enumerate() {
-        let part = ((n + 1) as f64 / 96_000.0).min(1.0);
-        let gain = 0.5 - 0.5 * (std::f64::consts::PI * part).cos();
-        assert!((y - gain * f64::from(wanted[n])).abs() < 1e-7, "frame {n}");
-    }
-}
-
 /// A paced run of a second, with the priority that a run has. A busy machine may break one, which others look
 /// at.
 fn paced(frames: u32, attempt: u32) -> Result<(), String> {
