@@ -15,16 +15,25 @@ const CARD: &str =
     "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60,plant_noise=0.2";
 
 fn calibrate(dir: &Path, device: &str, more: &[&str]) -> Ran {
-    let fixed =
-        ["calibrate", "--device", device, "--handle-mass-g", "60", "--out", "found.ron", "--seconds", "4"];
-    let scale = ["--accelerometer-full-scale", "100"];
-    let scale = if more.contains(&scale[0]) { &[][..] } else { &scale };
-    run(dir, &[&fixed[..], scale, more].concat())
+    let mut args = vec!["calibrate", "--device", device, "--handle-mass-g", "60"];
+    let usual = [("--accelerometer-full-scale", "100"), ("--out", "found.ron"), ("--seconds", "4")];
+    usual
+        .iter()
+        .filter(|(name, _)| !more.contains(name))
+        .for_each(|(name, value)| args.extend([name, value]));
+    run(dir, &[&args, more].concat())
 }
 
-/// The profile that is measured, as it is shipped.
-fn truth() -> ActuatorProfile {
-    ActuatorProfile::read(graphs("actuators/haptuator_mark_ii.ron")).expect("a shipped profile")
+fn found(dir: &Path) -> ActuatorProfile {
+    ActuatorProfile::read(dir.join("found.ron")).expect("a profile")
+}
+
+/// Checks the first figures that were found against those of the shipped profile that was measured.
+fn assert_found(dir: &Path, shipped: &str) {
+    let truth = ActuatorProfile::read(graphs("actuators").join(shipped)).expect("a shipped profile");
+    for ((name, found), (_, truth)) in found(dir).quantities().iter().zip(truth.quantities()).take(4) {
+        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
+    }
 }
 
 #[test]
@@ -37,10 +46,8 @@ fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
     for word in ["stiffness", "95 % interval", "resonance", "trust", "assumed", "found.ron"] {
         assert!(ran.out.contains(word), "{word}: {}", ran.out);
     }
-    let (found, truth) = (ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile"), truth());
-    for ((name, found), (_, truth)) in found.quantities().iter().zip(truth.quantities()).take(4) {
-        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
-    }
+    assert_found(dir.path(), "haptuator_mark_ii.ron");
+    let found = found(dir.path());
     assert!(!found.stiffness.estimate && found.moving_mass.estimate);
     let svg = std::fs::read_to_string(dir.path().join("found.svg")).expect("a picture");
     for word in ["Magnitude", "Phase", "Coherence", "on 60 g"] {
@@ -61,13 +68,10 @@ fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
     let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = CARD.replace("frames=64", "format=i16").replace(",speed=10", "");
-    let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json"];
-    let fixed =
-        ["calibrate", "--device", &card, "--handle-mass-g", "60", "--accelerometer-full-scale", "100"];
-    let args = [&fixed[..], &["--out", "found.ron", "--seconds", "1"], &more].concat();
+    let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json", "--seconds", "1"];
     // Real time is not to be had at every moment; that nothing was written all the same is.
     told(|| {
-        let ran = run(dir.path(), &args);
+        let ran = calibrate(dir.path(), &card, &more);
         if ran.code == 1 && ran.err.contains("times in a row") {
             assert!(files(dir.path()).is_empty());
             return Err(ran.err);
@@ -75,10 +79,7 @@ fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
         ran.ok();
         Ok(())
     });
-    let (found, truth) = (ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile"), truth());
-    for ((name, found), (_, truth)) in found.quantities().iter().zip(truth.quantities()).take(4) {
-        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
-    }
+    assert_found(dir.path(), "haptuator_mark_ii.ron");
 }
 
 #[test]
@@ -107,7 +108,7 @@ fn inverted_accelerometer_gives_the_same_figures() {
         .replace("=0.2", "=0.05,plant_volts=5,plant_invert=1");
     let more = ["--drive", "voltage", "--volts-per-volt", "5", "--volts", "0.5"];
     calibrate(dir.path(), &card, &more).ok().says(&["polarity is inverted"]);
-    let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");
+    let found = found(dir.path());
     let truth = ActuatorProfile::read(graphs("actuators/hapcoil_one.ron")).expect("a shipped profile");
     for (found, truth) in [
         (&found.stiffness, &truth.stiffness),
@@ -161,7 +162,7 @@ fn a_level_that_would_clip_is_lowered_and_said() {
     calibrate(dir.path(), card, &["--accelerometer-full-scale", "2"])
         .ok()
         .says(&["the level is lowered to 0.0"]);
-    let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");
+    let found = found(dir.path());
     assert!((found.force_factor.value / 1.78 - 1.0).abs() < 0.05, "{:?}", found.force_factor);
 }
 

@@ -48,22 +48,22 @@ fn median(x: &[f64]) -> f64 {
 }
 
 /// A browser that every trial of a test has again.
-struct Kept(Option<Chromium>);
+pub(crate) struct Kept(Option<Chromium>);
 
 impl Kept {
-    fn pen(&mut self, url: &str) -> Pen {
+    pub(crate) fn pen(&mut self, url: &str) -> Pen {
         Pen::over(self.0.take().expect("it was given back"), url)
     }
 
     /// A page whose run has ended would complain that it is gone.
-    fn take_back(&mut self, mut pen: Pen) {
+    pub(crate) fn take_back(&mut self, mut pen: Pen) {
         pen.browser.open("about:blank");
         self.0 = Some(pen.browser);
     }
 }
 
 /// Runs a trial with a browser, if there is one, until it counts.
-fn with_browser(mut trial: impl FnMut(&mut Kept) -> Result<(), String>) {
+pub(crate) fn with_browser(mut trial: impl FnMut(&mut Kept) -> Result<(), String>) {
     let _alone = real_time();
     let Some(browser) = Chromium::start() else { return };
     let mut kept = Kept(Some(browser));
@@ -129,7 +129,7 @@ fn silences(x: &[f32]) -> Vec<usize> {
 }
 
 /// The loudest 50 ms.
-fn loudest(x: &[f32]) -> f64 {
+pub(crate) fn loudest(x: &[f32]) -> f64 {
     x.chunks(2_400).map(rms).fold(0.0, f64::max)
 }
 

@@ -94,19 +94,8 @@ impl Format {
     ];
 
     /// Name as a user types it: `f32`, `i16`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::I8 => "i8",
-            Self::I16 => "i16",
-            Self::I24 => "i24",
-            Self::I32 => "i32",
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::U24 => "u24",
-            Self::U32 => "u32",
-        }
+    pub fn name(self) -> String {
+        self.to_cpal().to_string()
     }
 
     pub(crate) fn to_cpal(self) -> SampleFormat {
@@ -121,7 +110,7 @@ impl Format {
 
 impl std::fmt::Display for Format {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
+        self.to_cpal().fmt(f)
     }
 }
 

@@ -65,7 +65,7 @@ pub(crate) fn plan(
     let there: Vec<Format> = Format::ALL.into_iter().filter(|format| of(*format).is_some()).collect();
     let wanted = request.format.or(there.first().copied());
     let Some(format) = wanted.filter(|format| there.contains(format)) else {
-        let wanted = request.format.map_or("a known sample format", Format::name);
+        let wanted = request.format.map_or("a known sample format".to_owned(), Format::name);
         let can = there.iter().map(|format| format.name()).collect::<Vec<_>>().join(", ");
         let can = if can.is_empty() { can } else { format!("; it can do {can}") };
         return Err(OpenError::new(Cause::Format, format!("`{device}` cannot do {wanted}{can}")));

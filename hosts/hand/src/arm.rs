@@ -11,7 +11,7 @@ use asperity_node::{
 };
 
 use crate::handle::Shared;
-use crate::node::{hand, pass_on};
+use crate::node::{PassOn, hand};
 use crate::servo::Servo;
 
 /// Time between two attempts to reach a lost device.
@@ -130,7 +130,7 @@ impl Kinds {
         let input = self.input.param(device()).param(Param::text("axes", self.axes, axes));
         let input = hand(input, (Unit::NEWTON, "the force that the device renders"));
         let force = wall(self.force.param(device()), self.max_force_n);
-        registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn)))));
+        registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn(1.0))))));
         registry.add(Arc::new(NodeKind::new(force, |_| Ok(Prepared::new(Wall)))));
         registry
     }
@@ -158,17 +158,6 @@ fn wall(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
         )
         .resumes(Resume::Never)
         .sink()
-}
-
-/// The processor of an input node.
-struct PassOn;
-
-impl Processor for PassOn {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        pass_on(tick)
-    }
-
-    fn reset(&mut self) {}
 }
 
 /// The processor of a force node: the host reads its inputs.

@@ -5,7 +5,9 @@
 //! fades.
 
 use asperity_live::place;
-use asperity_node::{Descriptor, Input, Output, Param, Resume, Role, ShapeSpec, Status, Tick, Unit};
+use asperity_node::{
+    Descriptor, Input, Output, Param, Processor, Resume, Role, ShapeSpec, Status, Tick, Unit,
+};
 
 /// Descriptor of a node with the motion of a hand: adds role, timing, fed inputs, and outputs in the same
 /// order. `force`: unit and meaning of the fed force.
@@ -32,12 +34,18 @@ pub(crate) fn hand(descriptor: Descriptor, (force, force_doc): (Unit, &'static s
         .resumes(Resume::Continue)
 }
 
-/// Passes on the fed values.
-pub(crate) fn pass_on(tick: &mut Tick<'_>) -> Status {
-    for port in [place::POSITION, place::FORCE, place::STROKE] {
-        for (to, from) in tick.outputs.control(port).iter_mut().zip(tick.inputs.control(port)) {
-            *to = *from;
+/// Passes on the fed values, the force times a factor.
+pub(crate) struct PassOn(pub(crate) f64);
+
+impl Processor for PassOn {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        for (port, gain) in [(place::POSITION, 1.0), (place::FORCE, self.0), (place::STROKE, 1.0)] {
+            for (to, from) in tick.outputs.control(port).iter_mut().zip(tick.inputs.control(port)) {
+                *to = from * gain;
+            }
         }
+        Status::Continue
     }
-    Status::Continue
+
+    fn reset(&mut self) {}
 }

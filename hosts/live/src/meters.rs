@@ -118,8 +118,10 @@ pub struct Meters {
     behind_since: AtomicU64,
     /// Number of the last tick, plus 1.
     next: AtomicU64,
-    misses: AtomicU64,
-    woke_late: AtomicU64,
+    /// Deadline misses: ticks that ended more than a tick after they were due.
+    pub misses: Count,
+    /// Deadline misses of ticks that took less than a tick to compute: they woke too late.
+    pub woke_late: Count,
     /// Callbacks that found too few samples.
     pub underruns: Count,
     /// Samples of each channel that were never played because their time passed.
@@ -148,9 +150,9 @@ impl Meters {
         self.next.store(tick.tick + 1, Relaxed);
         let since = self.behind_since.load(Relaxed);
         if tick.done_ns > tick.due_ns + self.tick_ns {
-            add(&self.misses, 1);
+            self.misses.add(1);
             if computed <= self.tick_ns {
-                add(&self.woke_late, 1);
+                self.woke_late.add(1);
             }
             if since == 0 {
                 self.behind_since.store(tick.due_ns + 1, Relaxed);
@@ -159,16 +161,6 @@ impl Meters {
             self.recovery.record(tick.done_ns.saturating_sub(since - 1));
             self.behind_since.store(0, Relaxed);
         }
-    }
-
-    /// Deadline misses: ticks that ended more than a tick after they were due.
-    pub fn misses(&self) -> u64 {
-        self.misses.load(Relaxed)
-    }
-
-    /// Deadline misses of ticks that took less than a tick to compute: they woke too late.
-    pub fn woke_late(&self) -> u64 {
-        self.woke_late.load(Relaxed)
     }
 
     /// Number of the tick after the last one that ran.
@@ -180,8 +172,8 @@ impl Meters {
     pub fn timing(&self) -> TimingView {
         TimingView {
             deadline_us: self.tick_ns as f64 / 1e3,
-            misses: self.misses(),
-            woke_late: self.woke_late(),
+            misses: self.misses.get(),
+            woke_late: self.woke_late.get(),
             late_us: self.late.figures_us(),
             compute_us: self.compute.figures_us(),
             recovery_us: self.recovery.figures_us(),
@@ -220,11 +212,11 @@ mod tests {
         let meters = Meters::new(500);
         let tick = |due_ns, woke_ns, done_ns| Record { tick: 6, due_ns, woke_ns, done_ns };
         meters.record(tick(0, 10_000, 2_000_000));
-        assert_eq!((meters.misses(), meters.woke_late()), (0, 0));
+        assert_eq!((meters.misses.get(), meters.woke_late.get()), (0, 0));
         meters.record(tick(0, 1_900_000, 2_000_001));
-        assert_eq!((meters.misses(), meters.woke_late()), (1, 1));
+        assert_eq!((meters.misses.get(), meters.woke_late.get()), (1, 1));
         meters.record(tick(5_000_000, 4_000_000, 7_500_000));
-        assert_eq!((meters.misses(), meters.woke_late()), (2, 1));
+        assert_eq!((meters.misses.get(), meters.woke_late.get()), (2, 1));
         // The first of the two was due at 0; the next in time is there at 8.5 ms.
         assert_eq!(meters.recovery.count(), 0);
         meters.record(tick(7_000_000, 7_100_000, 8_500_000));

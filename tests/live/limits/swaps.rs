@@ -3,10 +3,8 @@
 use std::path::Path;
 use std::time::Duration;
 
-use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
-use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
 use harness::alone::{beside_others, shared_stage};
@@ -16,6 +14,7 @@ use harness::{self, json};
 
 use crate::coil::{Coil, RATED, Used};
 use crate::edits::edit;
+use crate::simulated::on_channels;
 
 const RATE: u32 = 48_000;
 
@@ -140,8 +139,7 @@ fn two_outputs_that_change_names_stay_within_their_limits() {
         graph(&harness::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
     };
     let card = Simulated::new("both", by_hand()).expect("a card");
-    let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
-    let mut session = start(both(0), SessionOptions { device, ..options(&card, Clock::Callback) });
+    let mut session = start(both(0), on_channels(&card, &[1, 2], RATE));
     for n in 1..40 {
         (0..100).for_each(|_| card.step(96));
         swap(&mut session, both(n));

@@ -1,13 +1,14 @@
 //! Played samples compared with those of the engine alone.
 
+use asperity_audio::Format;
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Format, Request};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use harness::alone::{beside_others, real_time};
 use harness::live::told;
 use harness::stage::{by_hand, channel, graph, offline, one_voice, options, poll, start, stop, timed, voice};
 
+use super::on_channels;
 use crate::audio::quantized;
 
 const FRAMES: [&[usize]; 7] =
@@ -35,12 +36,7 @@ fn check(case: usize) {
     let params = Params { channels: width, format: Some(format), rate_hz: Some(rate_hz), ..by_hand() };
     let card = Simulated::new(&format!("exact {case}"), params).expect("a card");
     let wanted = tones((tick_hz, rate_hz), map.len());
-    let device =
-        Some(Request { channels: map.to_vec(), rate_hz, ..options(&card, Clock::Callback).device.unwrap() });
-    let mut session = start(
-        tones((tick_hz, rate_hz), map.len()),
-        SessionOptions { device, ..options(&card, Clock::Callback) },
-    );
+    let mut session = start(tones((tick_hz, rate_hz), map.len()), on_channels(&card, map, rate_hz));
     let mut frames = 0;
     for size in sizes.iter().cycle() {
         card.step(*size);

@@ -21,15 +21,13 @@ use std::sync::{Arc, atomic::Ordering::Relaxed};
 use std::time::Duration;
 
 use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns, place};
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Param, Params, Prepared, Processor, Registry, Setup, Status, Tick, Unit,
-};
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Params, Prepared, Registry, Setup, Unit};
 use regex::Regex;
 use rosc::OscMessage;
 
 use crate::arm::AGAIN;
 use crate::handle::Shared;
-use crate::node::{hand, pass_on};
+use crate::node::{PassOn, hand};
 use crate::{HandDevice, Handle, Open, error};
 use arguments::{Arguments, Reading};
 
@@ -102,10 +100,7 @@ impl HandDevice for Osc {
 }
 
 /// A stylus whose position comes by Open Sound Control over UDP.
-struct OscInput {
-    /// Force of a message's 1 \[N\]: a force counts as it is, a pressure of 1 is the largest force.
-    newton: f64,
-}
+struct OscInput;
 
 impl Node for OscInput {
     fn descriptor() -> Descriptor {
@@ -134,19 +129,10 @@ impl Node for OscInput {
                 .error("arguments", message)
                 .help("send force_n too, or compute it with virtual_floor"));
         }
+        // A force counts as it is, a pressure of 1 is the largest force.
         let newton = if arguments.contains("pressure") { p.number("max_force_n") } else { 1.0 };
-        Ok(Prepared::new(Self { newton }))
+        Ok(Prepared::new(PassOn(newton)))
     }
-}
-
-impl Processor for OscInput {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let status = pass_on(tick);
-        tick.outputs.set(place::FORCE, tick.inputs.value(place::FORCE) * self.newton);
-        status
-    }
-
-    fn reset(&mut self) {}
 }
 
 /// Parses a listening address: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's
