@@ -6,7 +6,6 @@ use crate::hosts::{Listed, SIMULATED, list, names};
 use crate::request::{Cause, OpenError};
 use crate::simulated;
 
-/// A direction of sound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Side {
     Output,
@@ -14,7 +13,6 @@ pub(crate) enum Side {
 }
 
 impl Side {
-    /// Its name in a message.
     pub(crate) fn name(self) -> &'static str {
         if self == Self::Output { "output" } else { "input" }
     }

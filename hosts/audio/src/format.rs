@@ -52,29 +52,20 @@ macro_rules! with_sample {
 }
 pub(crate) use with_sample;
 
-/// Sample format of a device.
+/// Sample format of a device: floats, signed and unsigned integers. 24 bits stand in four bytes.
+#[allow(missing_docs, reason = "the names say all")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// 32-bit float.
     F32,
-    /// 64-bit float.
     F64,
-    /// 8-bit signed.
     I8,
-    /// 16-bit signed.
     I16,
-    /// 24-bit signed in four bytes.
     I24,
-    /// 32-bit signed.
     I32,
-    /// 8-bit unsigned.
     U8,
-    /// 16-bit unsigned.
     U16,
-    /// 24-bit unsigned in four bytes.
     U24,
-    /// 32-bit unsigned.
     U32,
 }
 

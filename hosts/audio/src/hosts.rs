@@ -14,7 +14,6 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(4);
 /// The host of simulated cards.
 pub(crate) const SIMULATED: &str = "simulated";
 
-/// A device of a host.
 #[derive(Clone)]
 pub(crate) struct Listed {
     pub(crate) host: String,
@@ -56,7 +55,6 @@ pub(crate) fn is_mixer(host: &str) -> bool {
     matches!(host, "pulseaudio" | "pipewire")
 }
 
-/// cpal's id of a host.
 pub(crate) fn host_id(name: &str) -> Option<HostId> {
     cpal::ALL_HOSTS.iter().copied().find(|id| id.to_string() == name)
 }

@@ -14,7 +14,6 @@ use crate::request::{Cause, OpenError, Request};
 /// Default frames a call. A host's own default may be 2 s (PulseAudio), so it is never used.
 const USUAL_PERIOD: u32 = 256;
 
-/// Configuration of a device.
 pub(crate) struct Plan {
     pub(crate) config: StreamConfig,
     pub(crate) format: Format,
@@ -123,7 +122,6 @@ fn width(
     })
 }
 
-/// Buffer size to request.
 fn buffer(
     listed: &Listed,
     wanted: Option<u32>,

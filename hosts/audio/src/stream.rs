@@ -77,7 +77,6 @@ struct Built {
     notes: Vec<String>,
 }
 
-/// The callback of one side.
 enum Work {
     Output(Box<dyn Process>),
     Input(Box<dyn Capture>),
@@ -143,7 +142,6 @@ fn find_input(request: &Request, output: &Listed) -> Result<Listed, OpenError> {
     }
 }
 
-/// Opens one side of a device.
 fn build(found: Listed, work: Work, request: &Request) -> Result<Built, OpenError> {
     let (host, device) = (found.host.clone(), found.full_id());
     let request = request.clone();

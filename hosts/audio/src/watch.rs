@@ -53,11 +53,8 @@ pub(crate) struct Shared {
     pub(crate) streams: Mutex<Vec<cpal::Stream>>,
     /// Start of playing [ns]; 0 while it does not play.
     pub(crate) playing_since: AtomicU64,
-    /// The device that is gone.
     pub(crate) gone: OnceLock<String>,
-    /// Reason of the loss.
     pub(crate) lost: OnceLock<String>,
-    /// Whether the threads must end.
     pub(crate) done: AtomicBool,
     /// Whether the time between calls is watched: not on a simulated card that is called by hand.
     pub(crate) timed: bool,

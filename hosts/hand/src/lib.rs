@@ -60,7 +60,7 @@ pub trait HandDevice: Sync {
 }
 
 /// All hand devices.
-pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::OpenHaptics, &haply::Haply];
+pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::ARM, &haply::ARM];
 
 /// Adds the node kinds of all devices, and `pointer_input`, which the live page feeds.
 pub fn register(registry: Registry) -> Registry {

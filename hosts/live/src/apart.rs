@@ -72,7 +72,6 @@ impl Desk {
         Self::over(setup.inputs.iter().map(make).collect(), setup.outputs.iter().map(make).collect())
     }
 
-    /// One with these inputs and outputs.
     fn over(mut inputs: Vec<Buffer>, outputs: Vec<Buffer>) -> Self {
         let map = vec![InputRef { buffer: 0, connected: false }; inputs.len()];
         inputs.push(Buffer::constant(0, 0.0));
@@ -111,7 +110,6 @@ impl Desk {
         }
     }
 
-    /// Swaps them back.
     fn give_back(&mut self, tick: &mut Tick<'_>) {
         self.outputs.iter_mut().zip(tick.outputs.buffers()).for_each(|(a, b)| std::mem::swap(a, b));
     }
@@ -135,7 +133,6 @@ struct Apart {
     answers: HeapCons<Answered>,
     /// `None` while the thread works on it, and once it is abandoned.
     desk: Option<Desk>,
-    /// Fault of the last call.
     fault: Option<Fault>,
 }
 

@@ -13,7 +13,6 @@ use std::f64::consts::{SQRT_2, TAU};
 
 /// Final bandwidth of the loop.
 pub const BANDWIDTH_HZ: f64 = 0.1;
-/// Bandwidth at the start.
 const WIDE_HZ: f64 = 2.0;
 /// Callbacks within this share of the time they span belong to the wake-up before: a server calls in
 /// bunches.

@@ -51,7 +51,6 @@ struct Sent {
     forces: HashMap<String, Arc<Mutex<ForceWriter>>>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
-    /// Recordings of its sinks.
     tapes: Vec<Tape>,
     /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
     channels: Vec<String>,
@@ -73,7 +72,6 @@ pub struct GraphController {
     lost: u64,
 }
 
-/// Recording of one sink of one graph.
 struct Tape {
     sink: String,
     graph: u64,

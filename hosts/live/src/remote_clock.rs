@@ -60,7 +60,6 @@ struct Odd {
     count: u32,
     since_ns: u64,
     larger: bool,
-    /// Least of their differences.
     least: i64,
 }
 
@@ -117,7 +116,6 @@ impl RemoteClock {
         at.saturating_add(offset).clamp(0, arrived) as u64
     }
 
-    /// Our clock minus the other.
     fn offset(&self) -> Option<i64> {
         let known = self.least.iter().zip(0_i64..).filter(|(least, _)| **least < i64::MAX);
         known.map(|(least, age)| least.saturating_add(age * CREEP_NS)).min()
@@ -152,7 +150,6 @@ impl RemoteClock {
     }
 }
 
-/// Both times in whole nanoseconds.
 fn whole(sent_s: f64, arrived_ns: u64) -> Option<(i64, i64)> {
     let sent = sent_s * 1e9;
     let fits = sent.is_finite() && sent.abs() < 9.2e18;

@@ -72,7 +72,6 @@ pub struct Timeline {
     /// Time of the last call, and the time it read [ns].
     last_ns: u64,
     read_ns: u64,
-    /// Strokes ended by a stall.
     broken: u32,
     stalled: bool,
     seen: Seen,

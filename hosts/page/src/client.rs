@@ -141,7 +141,6 @@ impl Client<'_> {
         }
     }
 
-    /// Takes a message of the page.
     async fn hear(&mut self, message: Message) -> Result<(), Leave> {
         if !self.messages.take() {
             return Err((close_code::POLICY, "too many messages"));

@@ -12,7 +12,6 @@ use tokio::task::AbortHandle;
 
 use crate::server::CONNECTIONS;
 
-/// The connections of a server.
 pub(crate) struct Door {
     strangers: Mutex<Strangers>,
     places: Arc<Semaphore>,

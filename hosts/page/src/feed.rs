@@ -28,7 +28,6 @@ pub struct Feed {
 #[derive(Debug, Default)]
 pub(crate) struct State {
     layout: Arc<Layout>,
-    /// Number of published layouts.
     layouts: u64,
     /// Number of published views. A run may restart its own count.
     newest: u64,
@@ -38,11 +37,8 @@ pub(crate) struct State {
 /// Everything that a page has not seen.
 #[derive(Debug, Default)]
 pub(crate) struct News {
-    /// A new layout, and its count.
     pub(crate) layout: Option<(Arc<Layout>, u64)>,
-    /// Views, oldest first.
     pub(crate) views: Vec<Bytes>,
-    /// Count of the newest view.
     pub(crate) newest: u64,
 }
 
@@ -75,12 +71,10 @@ impl Feed {
         });
     }
 
-    /// The newest layout.
     pub(crate) fn layout(&self) -> Arc<Layout> {
         self.state.borrow().layout.clone()
     }
 
-    /// Changes whenever something is published.
     pub(crate) fn news(&self) -> watch::Receiver<State> {
         self.state.subscribe()
     }

@@ -56,7 +56,6 @@ fn refused(headers: &HeaderMap, query: &str, port: u16, token: &str) -> Option<&
     }
 }
 
-/// The one value of a header.
 fn only(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
     let mut all = headers.get_all(name).iter();
     match (all.next(), all.next()) {

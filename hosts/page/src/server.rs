@@ -50,14 +50,12 @@ pub struct Options {
     pub token: Option<String>,
 }
 
-/// State that all requests share.
 pub(crate) struct Shared {
     pub(crate) port: u16,
     pub(crate) token: String,
     pub(crate) feed: Arc<Feed>,
     pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
-    /// Pages since the start.
     came: AtomicU64,
     pub(crate) stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
@@ -164,7 +162,6 @@ fn random() -> io::Result<String> {
     Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// Takes connections until the server stops.
 async fn accept(listener: TcpListener, shared: Arc<Shared>) {
     let router = router(&shared);
     let door = Arc::new(Door::default());

@@ -15,7 +15,6 @@ pub(super) type OutputCall = Box<dyn FnMut(&mut Data, &OutputCallbackInfo) + Sen
 pub(super) type InputCall = Box<dyn FnMut(&Data, &InputCallbackInfo) + Send>;
 pub(super) type ErrorCall = Box<dyn FnMut(Error) + Send>;
 
-/// Callback of a stream.
 pub(super) enum Call {
     Output(OutputCall),
     Input(InputCall),
@@ -31,13 +30,11 @@ pub(super) struct Line {
     pub(super) playing: bool,
 }
 
-/// State of a card.
 #[derive(Default)]
 pub(super) struct State {
     pub(super) output: Option<Line>,
     pub(super) input: Option<Line>,
     pub(super) unplugged: bool,
-    /// Whether it does not call.
     pub(super) stopped: bool,
     /// Whether a thread calls its streams.
     pub(super) timed: bool,
@@ -52,7 +49,6 @@ pub(super) struct State {
     memory: Vec<u64>,
 }
 
-/// A simulated sound card.
 pub(super) struct Card {
     pub(super) id: String,
     pub(super) params: Params,
@@ -98,7 +94,6 @@ fn data(memory: &mut Vec<u64>, samples: usize, format: SampleFormat) -> Data {
 }
 
 impl State {
-    /// Its streams.
     pub(super) fn lines(&mut self) -> impl Iterator<Item = &mut Line> {
         [&mut self.output, &mut self.input].into_iter().flatten()
     }

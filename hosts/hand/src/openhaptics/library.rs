@@ -20,7 +20,6 @@ pub(super) const NOMINAL_MAX_STIFFNESS: c_uint = 0x2602;
 pub(super) const NOMINAL_MAX_FORCE: c_uint = 0x2603;
 /// The capability to push.
 pub(super) const FORCE_OUTPUT: c_uint = 0x4000;
-/// No device.
 pub(super) const INVALID_HANDLE: c_uint = 0xFFFF_FFFF;
 /// Results of a callback.
 pub(super) const DONE: c_uint = 0;
@@ -37,10 +36,8 @@ pub(super) struct ErrorInfo {
     pub(super) device: c_uint,
 }
 
-/// Callback of the scheduler.
 pub(super) type Callback = unsafe extern "system" fn(*mut c_void) -> c_uint;
 
-/// Default names of the library.
 fn names() -> &'static [&'static str] {
     if cfg!(windows) {
         &["hd.dll"]

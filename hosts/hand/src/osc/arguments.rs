@@ -14,7 +14,6 @@ const HELP: &str = "list the message's arguments in their order, separated by co
     stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one \
     to change its sign";
 
-/// Meaning of an argument.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meaning {
     Skip,
@@ -32,7 +31,6 @@ enum Meaning {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Arguments(Vec<Meaning>);
 
-/// Values of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Reading {
     /// x, y, z in mm; 0 for an axis that is not listed.

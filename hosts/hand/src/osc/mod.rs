@@ -42,7 +42,6 @@ const PACKET: usize = 65_536;
 #[derive(Clone, Debug)]
 pub struct OscOptions {
     listen: SocketAddr,
-    /// The address pattern as written.
     address: String,
     pattern: Regex,
     arguments: Arguments,
@@ -193,7 +192,6 @@ fn open(address: SocketAddr) -> Result<UdpSocket, Diagnostic> {
     })
 }
 
-/// The listening thread.
 struct Ear {
     shared: Arc<Shared>,
     writer: SampleWriter,

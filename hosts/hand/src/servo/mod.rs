@@ -154,7 +154,6 @@ impl Servo {
         at_most(plus(self.force, self.beside.map(|x| x * self.level)), self.most())
     }
 
-    /// Current largest force.
     fn most(&self) -> f64 {
         self.force_n.min(if self.plane == Plane::default() { f64::MAX } else { self.plane.most })
     }

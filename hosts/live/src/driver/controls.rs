@@ -39,7 +39,6 @@ pub struct Controls {
 }
 
 impl Controls {
-    /// Controls of one driver.
     pub(super) fn new(options: &Options) -> Arc<Self> {
         Arc::new(Self {
             run_control: options.run_control.clone(),
@@ -94,7 +93,6 @@ impl Controls {
         self.stopping.load(Relaxed) || self.run_control.stopping()
     }
 
-    /// Notes a callback.
     pub(super) fn heard(&self, now_ns: u64, line: &Line) {
         self.heard_ns.store(now_ns, Relaxed);
         self.period_ns.store((line.period_frames as f64 * line.frame_ns()) as u64, Relaxed);

@@ -84,7 +84,6 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
     Ok((Driver::thread(Clock::Paced, controls, |_| pace.run(ticker))?, half))
 }
 
-/// Size of the ring in values.
 fn room(rates: &Rates, options: &Options) -> usize {
     let period = options.seen_frames as usize;
     let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
@@ -96,7 +95,6 @@ fn lead(line: &Line) -> f64 {
     line.period_frames as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
 }
 
-/// The thread's side.
 struct Pace {
     controls: Arc<Controls>,
     stream: Arc<Stream>,
@@ -104,7 +102,6 @@ struct Pace {
     lines: triple_buffer::Output<Line>,
     rates: Rates,
     samples: Vec<f32>,
-    /// The lead L [ns].
     lead_ns: f64,
     /// Sample of the ticker at position 0 of the device.
     origin: f64,

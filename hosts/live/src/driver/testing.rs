@@ -16,7 +16,6 @@ pub(super) struct Counter {
     pub(super) next: u64,
     /// Ticks with the times they were given.
     pub(super) times: Vec<(u64, u64)>,
-    /// A tick that takes this long.
     pub(super) stall: Option<(u64, Duration)>,
     pub(super) panic_at: Option<u64>,
 }

@@ -3,7 +3,6 @@ use super::super::{callback, paced};
 use super::*;
 use std::time::Duration;
 
-/// Until a tick has run.
 fn wait_for(options: &Options, tick: u64) {
     while options.meters.next_tick() < tick {
         std::thread::sleep(Duration::from_millis(1));

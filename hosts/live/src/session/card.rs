@@ -21,7 +21,6 @@ const STACK: usize = 32_768;
 pub(super) struct Card {
     pub(super) stream: Stream,
     switch: Switch,
-    /// Whether its driver has begun.
     pub(super) playing: bool,
     pub(super) opened: Instant,
 }
@@ -75,7 +74,6 @@ impl Card {
         Ok(Self { stream, switch, playing: false, opened: Instant::now() })
     }
 
-    /// Request for exactly this device.
     pub(super) fn pinned(&self, request: &Request) -> Request {
         let (device, input_device) = (Some(self.stream.id()), self.stream.input_id());
         Request { host: None, device, input_device, ..request.clone() }
@@ -98,7 +96,6 @@ impl Card {
         format!("{} ({})", self.stream.name(), self.stream.host())
     }
 
-    /// Gives the device what it plays.
     pub(super) fn give(&mut self, process: impl Process + 'static) {
         self.switch.give(Box::new(process));
         self.playing = true;

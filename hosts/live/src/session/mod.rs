@@ -94,13 +94,11 @@ pub struct Session {
     card: Option<Card>,
     options: SessionOptions,
     mic: Option<card::Recorder>,
-    /// Watches what the device records.
     listener: Option<Listener>,
     meters: Arc<Meters>,
     machine: Option<Machine>,
     /// Whether refusals of the system were reported.
     told: bool,
-    /// Set while the device is lost.
     loss: Option<Loss>,
     /// Name of the device for a person, kept while it is lost.
     name: String,
@@ -375,7 +373,6 @@ impl Session {
         Ok(())
     }
 
-    /// Goes on without audio.
     fn keep_time(&mut self) -> Result<(), SessionError> {
         let Some(player) = self.take_player(Driver::take) else { return Ok(()) };
         self.driver = Some(timer(player, &self.driver_options()).map_err(SessionError::Thread)?);
@@ -431,7 +428,6 @@ impl Session {
         }
     }
 
-    /// Reports refusals of the system once.
     fn tell_refusals(&mut self) {
         let asked = self.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
         if self.told || !asked {

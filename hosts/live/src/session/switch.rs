@@ -24,7 +24,6 @@ struct Inside {
 }
 
 impl Switch {
-    /// For a device of this rate.
     pub(super) fn new(rate_hz: u32) -> Self {
         Self(Arc::new(Mutex::new(Inside { dll: Dll::new(rate_hz), began_ns: None, process: None })))
     }
