@@ -7,9 +7,7 @@ use std::time::Duration;
 use asperity_audio::{Block, Process};
 use asperity_live::driver::{Options, Rates, Ticker, callback, paced, timer};
 use asperity_live::realtime::{Grant, Machine};
-use asperity_live::{
-    Delay, Meters, RemoteClock, Sample, SampleWriter, TIMEOUT_NS, Timeline, now_ns, samples,
-};
+use asperity_live::{Meters, RemoteClock, Sample, SampleWriter, Timeline, now_ns, samples};
 use harness::alone::apart;
 use harness::counting::{self, Who, assert_it_counts};
 use harness::test_name;
@@ -30,7 +28,7 @@ struct Hand {
 impl Hand {
     fn new() -> Self {
         let (to, from) = samples();
-        Self { line: Timeline::new(from, Delay::Auto, TIMEOUT_NS), to, clock: RemoteClock::new(), next: 0 }
+        Self { line: Timeline::new(from, None, 50_000_000), to, clock: RemoteClock::new(), next: 0 }
     }
 }
 

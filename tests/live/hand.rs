@@ -4,6 +4,8 @@ mod haply;
 mod openhaptics;
 mod osc;
 
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
@@ -39,4 +41,19 @@ pub(crate) fn problem(handle: &Handle) -> String {
         said.is_some()
     });
     said.unwrap()
+}
+
+/// Builds a stand-in of the library for OpenHaptics devices.
+#[cfg(unix)]
+pub(crate) fn library(folder: &Path, source: &str, flag: &str) -> PathBuf {
+    let library = folder.join("libHD.so");
+    let done = Command::new("cc")
+        .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", flag, "-o"])
+        .arg(&library)
+        .arg(harness::root().join("tests/live/hand/standin").join(source))
+        .args(["-lpthread", "-lm"])
+        .status()
+        .expect("a C compiler, `cc`");
+    assert!(done.success());
+    library
 }

@@ -2,18 +2,18 @@
 
 use std::cell::Cell;
 use std::net::{SocketAddr, UdpSocket};
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use harness::alone::{beside_others, shared_stage};
+use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rms, rows, told};
-use harness::{json, root};
 use rosc::{OscMessage, OscPacket, OscType};
 
 use crate::edits::edit;
+use crate::hand::library;
 use crate::haply::Service;
 
 /// Samples of a tick at 48 kHz.
@@ -250,20 +250,6 @@ fn a_hand_takes_the_place_of_a_trajectory() {
     assert!(none.code == 2 && none.err.contains("pointer"), "{}", none.err);
 }
 
-/// Builds the stand-in for the maker's library, with a hand that goes round in the wall.
-fn standin(dir: &Path) -> PathBuf {
-    let library = dir.join("libHD.so");
-    let done = Command::new("cc")
-        .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", "-o"])
-        .arg(&library)
-        .arg(root().join("tests/live/hand/standin/moving.c"))
-        .args(["-lpthread", "-lm"])
-        .status()
-        .expect("a C compiler, `cc`");
-    assert!(done.success());
-    library
-}
-
 /// The forces that a probe saw.
 fn forces(dir: &Path) -> Vec<f64> {
     rows(&dir.join("force.csv")).iter().map(|row| row[0]).collect()
@@ -275,7 +261,7 @@ fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
     let nodes = format!(r#"{}"pushes": (kind: "probe", params: (file: "force.csv")),"#, EARS[0]);
     let wires = format!(r#"{}("stylus.force", "pushes"),"#, EARS[1]);
     edit(dir, graph("openhaptics.ron", &nodes, &wires));
-    let library = format!("stylus.library={}", standin(dir).display());
+    let library = format!("stylus.library={}", library(dir, "moving.c", "-DMOVES").display());
     let run = |more: &[&str]| harness::run(dir, &[&["run", "g.ron", "--device", CARD], more].concat());
     let ran = run(&["--set", &library, "--seconds", "2.6", "--report", "r.json"]).ok();
     assert!(!ran.err.contains("`wall`"), "{}", ran.err);
@@ -308,7 +294,7 @@ fn a_graph_that_only_pushes_back_runs_by_the_timer() {
         ("floor.stiffness", "wall.stiffness"), ("floor.damping", "wall.damping"),
         ("stylus.force", "pushes")])"#;
     edit(dir, text);
-    let library = format!("stylus.library={}", standin(dir).display());
+    let library = format!("stylus.library={}", library(dir, "moving.c", "-DMOVES").display());
     // A servo that was not called for 50 ms lets go, and takes hold again within half a second.
     told(|| {
         let args = ["run", "g.ron", "--set", &library, "--seconds", "1.5", "--report", "r.json"];

@@ -52,4 +52,4 @@ pub use remote_clock::{Order, RemoteClock};
 pub use run_control::{RunControl, Unheard};
 pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
 pub use session::{CoilMonitor, Ended, Opened, Session, SessionError, SessionOptions, StartValues};
-pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};
+pub use timeline::{Reading, Seen, Timeline};

@@ -4,7 +4,6 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
-use asperity_live::Unheard;
 use asperity_live::view::{Layout, Request};
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use tokio::time::{Instant, sleep_until, timeout};
@@ -71,10 +70,7 @@ fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
         Ask::Set { node, param, value } => set(node, param, value, &shared.feed.layout())?,
         Ask::Material { node, name } => material(node, name, &shared.feed.layout())?,
     };
-    shared.run_control.ask(request).map_err(|unheard| match unheard {
-        Unheard::Busy => "The run is busy. Try again.".to_owned(),
-        Unheard::Over => "The run has ended.".to_owned(),
-    })
+    shared.run_control.ask(request).map_err(|unheard| unheard.to_string())
 }
 
 fn set(node: String, param: String, value: f64, layout: &Layout) -> Result<Request, String> {

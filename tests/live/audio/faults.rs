@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use asperity_audio::Stream;
-use asperity_audio::simulated::{Params, Simulated};
+use asperity_audio::simulated::Simulated;
 use harness::alone::beside_others;
+use harness::stage::{by_hand, timed};
 
-use super::parts::{Count, Each, by_hand, calls, left, loss, on, play, refusal};
+use super::parts::{Count, Each, calls, left, loss, on, play, refusal};
 
 /// A card in real time, and a stream that it has called.
 fn live(name: &str) -> (Simulated, Stream) {
-    let params = Params { frames: vec![64], keep: true, ..Params::default() };
-    let card = Simulated::new(name, params).unwrap();
+    let card = Simulated::new(name, timed(64)).unwrap();
     let stream = play(&on(&card), Count::default());
     calls(&stream, 0);
     (card, stream)
@@ -34,8 +34,7 @@ fn underrun_and_few_errors_are_counted_and_do_no_harm() {
 fn lost_stream_that_still_calls_fades_out_before_closing() {
     let _alone = beside_others();
     let faded = (0..10).any(|at| {
-        let params = Params { frames: vec![64], keep: true, ..Params::default() };
-        let card = Simulated::new(&format!("fade {at}"), params).unwrap();
+        let card = Simulated::new(&format!("fade {at}"), timed(64)).unwrap();
         let stream = play(&on(&card), Each(|_| 0.5, 0));
         calls(&stream, 0);
         (0..60).for_each(|_| card.error());
@@ -95,7 +94,7 @@ fn short_gap_loses_no_sample_and_is_no_loss() {
 #[test]
 fn device_that_never_calls_is_lost() {
     let _alone = beside_others();
-    let card = Simulated::new("silent", Params { frames: vec![64], ..Params::default() }).unwrap();
+    let card = Simulated::new("silent", timed(64)).unwrap();
     card.stop();
     let stream = play(&on(&card), Count::default());
     assert!(loss(&stream).contains("has not called once in 2 s"), "{:?}", stream.lost());

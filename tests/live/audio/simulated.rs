@@ -4,9 +4,10 @@ use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Cause, Format, Request, open};
 use harness::alone::{beside_others, real_time};
 use harness::live::until;
+use harness::stage::by_hand;
 use proptest::prelude::*;
 
-use super::parts::{Count, Each, Ear, by_hand, left, on, play, ramp, record, refusal};
+use super::parts::{Count, Each, Ear, left, on, play, ramp, record, refusal};
 
 /// Value that a card with this sample format holds, computed anew: scale, round to the nearest,
 /// keep in range.

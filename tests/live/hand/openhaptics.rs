@@ -3,7 +3,6 @@
 
 use std::ffi::{c_uint, c_void};
 use std::path::PathBuf;
-use std::process::Command;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError, RwLockReadGuard};
 use std::time::Duration;
@@ -17,7 +16,7 @@ use harness::counting::allocations;
 use harness::live::{Background, until};
 use libloading::{Library, Symbol};
 
-use super::{floor, newest, problem};
+use super::{floor, library, newest, problem};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.
@@ -30,25 +29,11 @@ struct Standin {
 
 static TURN: Mutex<()> = Mutex::new(());
 
-fn build(folder: &tempfile::TempDir, flag: &str) -> PathBuf {
-    let path = folder.path().join("libHD.so");
-    let source = harness::root().join("tests/live/hand/standin/hd.c");
-    let done = Command::new("cc")
-        .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", flag, "-o"])
-        .arg(&path)
-        .arg(source)
-        .arg("-lpthread")
-        .status()
-        .expect("a C compiler, `cc`");
-    assert!(done.success());
-    path
-}
-
 impl Standin {
     fn new() -> Self {
         let turn = (TURN.lock().unwrap_or_else(PoisonError::into_inner), beside_others());
         let folder = tempfile::tempdir().unwrap();
-        let path = build(&folder, "-DWHOLE");
+        let path = library(folder.path(), "hd.c", "-DWHOLE");
         // SAFETY: the stand-in has no initialisers.
         let library = unsafe { Library::new(&path) }.unwrap();
         Self { library, path, _folder: folder, _turn: turn }
@@ -258,7 +243,7 @@ fn what_is_missing_is_told_with_what_to_do() {
     assert!(e.help.is_some_and(|help| help.contains("install") && help.contains("OpenHaptics")));
 
     let folder = tempfile::tempdir().unwrap();
-    let half = build(&folder, "-DWITHOUT_UNSCHEDULE");
+    let half = library(folder.path(), "hd.c", "-DWITHOUT_UNSCHEDULE");
     let e = run(by(&half.display().to_string()));
     assert!(e.message.contains("has no function hdUnschedule"), "{e}");
 
