@@ -7,8 +7,8 @@ use std::sync::{Arc, OnceLock};
 use cpal::{InputCallbackInfo, OutputCallbackInfo};
 
 use crate::block::frames_ns;
+use crate::bounded::hush_alsa;
 use crate::format::DeviceSample;
-use crate::quiet::hush_alsa;
 use crate::{Block, Capture, Captured, Process, now_ns};
 
 /// Largest piece in samples; longer calls are filled in several pieces.

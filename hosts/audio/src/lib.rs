@@ -8,12 +8,9 @@
 mod block;
 mod bounded;
 mod callback;
-mod find;
 mod format;
 mod hosts;
 mod info;
-mod plan;
-mod quiet;
 mod request;
 pub mod simulated;
 mod stream;

@@ -25,11 +25,9 @@ use ringbuf::traits::{Producer, Split};
 
 use crate::bounded::bounded;
 use crate::callback::{Counts, Filler, Gatherer};
-use crate::find::{Side, find};
 use crate::format::with_sample;
-use crate::hosts::{Listed, SIMULATED, is_mixer};
-use crate::plan::plan;
-use crate::request::{Cause, OpenError, Request};
+use crate::hosts::{Listed, SIMULATED, Side, find, is_mixer};
+use crate::request::{Cause, OpenError, Request, plan};
 use crate::watch::{CLOSING, Shared, Watched, call_roll, watch};
 use crate::{Capture, Process, now_ns};
 

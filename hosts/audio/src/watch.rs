@@ -19,10 +19,10 @@ use ringbuf::HeapCons;
 use ringbuf::traits::Consumer;
 
 use crate::block::frames_ns;
+use crate::bounded::hush_alsa;
 use crate::callback::Counts;
 use crate::hosts::{Listed, host_id};
 use crate::now_ns;
-use crate::quiet::hush_alsa;
 
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(5);

@@ -13,7 +13,6 @@ pub mod haply;
 mod node;
 pub mod openhaptics;
 pub mod osc;
-mod pointer;
 pub mod servo;
 
 use std::net::SocketAddr;
@@ -64,7 +63,7 @@ pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::ARM, &haply::
 
 /// Adds the node kinds of all devices, and `pointer_input`, which the live page feeds.
 pub fn register(registry: Registry) -> Registry {
-    DEVICES.iter().fold(registry.with::<pointer::PointerInput>(), |all, device| device.register(all))
+    DEVICES.iter().fold(registry.with::<node::PointerInput>(), |all, device| device.register(all))
 }
 
 /// The device of an input or force node, by the node's kind; `None` for `pointer_input`.

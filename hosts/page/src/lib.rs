@@ -16,7 +16,6 @@
 mod client;
 mod door;
 mod feed;
-mod guard;
 mod hand;
 mod server;
 mod wire;

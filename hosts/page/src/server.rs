@@ -24,7 +24,7 @@ use tokio::time::timeout;
 use crate::door::{Door, Visitor};
 use crate::feed::Feed;
 use crate::hand::Hand;
-use crate::{client, guard, wire};
+use crate::{client, door, wire};
 
 /// Most pages at a time. One more gets 503.
 pub const PAGES: usize = 16;
@@ -210,7 +210,7 @@ fn router(shared: &Arc<Shared>) -> Router {
     }
     router
         .fallback(async || (StatusCode::NOT_FOUND, "no such page\n"))
-        .layer(middleware::from_fn_with_state(shared.clone(), guard::guard))
+        .layer(middleware::from_fn_with_state(shared.clone(), door::guard))
         .with_state(shared.clone())
 }
 

@@ -9,7 +9,6 @@
 
 mod board;
 mod draw;
-mod keyboard;
 mod keys;
 mod recent;
 mod screen;
@@ -24,7 +23,7 @@ use asperity_live::view::{Layout, View};
 use ratatui::crossterm::event::Event;
 
 use board::Board;
-use keyboard::{KEYS, Keyboard};
+use keys::{KEYS, Keyboard};
 use screen::Screen;
 
 /// A terminal that shows a running graph. It is restored on drop, and when a panic ends the program.

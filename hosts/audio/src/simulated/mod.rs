@@ -6,7 +6,6 @@
 //! opens it as `simulated:NAME`, calls it by hand if needed, reads back its output, and causes faults.
 
 mod card;
-mod device;
 mod params;
 
 use std::collections::BTreeMap;
@@ -44,7 +43,7 @@ fn plant_of(params: &Params, rate_hz: f64) -> Result<Option<Response>, String> {
 static NAMED: Mutex<BTreeMap<String, Weak<Card>>> = Mutex::new(BTreeMap::new());
 
 fn as_device(card: Arc<Card>) -> cpal::Device {
-    cpal::platform::CustomDevice::from_device(device::Device(card)).into()
+    cpal::platform::CustomDevice::from_device(card::Device(card)).into()
 }
 
 /// Named devices that are plugged in.

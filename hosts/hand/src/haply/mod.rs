@@ -20,7 +20,6 @@
 //! reported; both are reconnected when they are back, with a new stroke.
 
 mod link;
-mod message;
 
 use std::sync::Arc;
 use std::thread;
@@ -108,7 +107,7 @@ fn open(
     };
     let first = link.hear(Instant::now() + PATIENCE, stopped).map_err(|e| none(&e))?;
     let first = first.ok_or_else(|| none("sends no report"))?;
-    let ids = message::devices(&first).map_err(|e| none(&format!("sends something else: {e}")))?;
+    let ids = link::devices(&first).map_err(|e| none(&format!("sends something else: {e}")))?;
     let list = ids.join("`, `");
     let chosen = match (device, ids.as_slice()) {
         (_, []) => Err(error(
@@ -211,7 +210,7 @@ impl Run {
 
     fn read(&mut self, report: &str) {
         let now = now_ns();
-        let (there, place) = match message::position(report, &self.id) {
+        let (there, place) = match link::position(report, &self.id) {
             Ok(place) => (place.is_some(), place),
             Err(why) => {
                 self.shared.bad(why);

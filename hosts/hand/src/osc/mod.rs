@@ -13,7 +13,6 @@
 
 mod arguments;
 mod packet;
-mod pattern;
 
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
@@ -58,7 +57,7 @@ impl OscOptions {
     pub fn parse(listen: &str, anywhere: bool, address: &str, arguments: &str) -> Result<Self, Diagnostic> {
         let arguments = Arguments::parse(arguments)?;
         let listen = parse_listen(listen)?;
-        let pattern = pattern::parse(address)?;
+        let pattern = packet::pattern(address)?;
         if !anywhere && !listen.ip().is_loopback() {
             return Err(error(
                 format!("{listen} can be reached from the network"),
@@ -242,7 +241,7 @@ impl Ear {
     }
 
     fn message(&mut self, message: &OscMessage, tag: Option<u64>, arrived_ns: u64) {
-        if !pattern::fits(&self.options.pattern, &message.addr) {
+        if !packet::fits(&self.options.pattern, &message.addr) {
             if !self.told && self.shared.samples.load(Relaxed) == 0 {
                 self.told = true;
                 let heard = message.addr.chars().take(80).collect::<String>();
