@@ -1,8 +1,7 @@
 //! Everything that plays in real time, or needs an audio server or a browser.
 //!
-//! Such tests disturb each other. Each one holds `harness::alone::real_time()`, by itself or through a
-//! helper:
-//! `servers::inside` and `alone::apart` take it.
+//! Each test holds `harness::alone::real_time()` where others would disturb it (`servers::inside` and
+//! `alone::apart` take it), and `beside_others()` where it can bear them.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
 mod audio;

@@ -2,8 +2,7 @@
 //!
 //! Only this crate sees cpal. It knows nothing of graphs: a device calls a [`Process`] for every block to
 //! play, and a [`Capture`] for every recorded block. [`hosts`] lists devices, [`open`] opens exactly the
-//! device of a [`Request`]. [`simulated`] is a sound card for
-//! those who have none.
+//! device of a [`Request`]. [`simulated`] is a sound card for those who have none.
 
 mod block;
 mod bounded;

@@ -104,9 +104,8 @@ fn live(param: &LiveParam, value: &ParamValue) -> Option<LiveLayout> {
     })
 }
 
-/// Useful slider range of a value: up to about four times the value. A gain may reach a million, and a
-/// slider over all of it
-/// would step by two thousand. `None` if the whole range is not much wider, or is used by factors.
+/// Useful slider range of a value: up to about four times the value. `None` if the whole range is not much
+/// wider, or is used by factors.
 fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
     const FACTORS: f64 = 100.0;
     if least > 0.0 && most / least > FACTORS {

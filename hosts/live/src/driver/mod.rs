@@ -44,9 +44,8 @@ pub trait Ticker: Send {
     /// Number of the next tick.
     fn next_tick(&self) -> u64;
 
-    /// Runs the next tick. `time_ns`: when inputs are read, by [`now_ns`](crate::now_ns). `out`:
-    /// interleaved samples of exactly
-    /// this tick (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be filled.
+    /// Runs the next tick. `time_ns`: when inputs are read, by [`now_ns`](crate::now_ns). `out`: interleaved
+    /// samples of exactly this tick, zeroed, to be filled.
     fn tick(&mut self, time_ns: u64, out: &mut [f32]);
 
     /// Skips `n` ticks.
