@@ -1,5 +1,5 @@
-//! Drivers by the library's own interface: no thread that ticks, and no audio callback, allocates or frees, and
-//! memory that the system says it locked is locked.
+//! Drivers by the library's own interface: no thread that ticks, and no audio callback, allocates or frees,
+//! and memory that the system says it locked is locked.
 
 use std::sync::Arc;
 use std::time::Duration;

@@ -1,5 +1,5 @@
-//! Inputs, outputs and parameters that the nodes of all hands have, and `pointer_input`: a hand with a mouse, a
-//! finger or a pen on the live page.
+//! Inputs, outputs and parameters that the nodes of all hands have, and `pointer_input`: a hand with a
+//! mouse, a finger or a pen on the live page.
 //!
 //! A node itself does no input or output: the host feeds it at every tick's own time. While the host has
 //! nothing that is new enough, the last values are held and marked: gates close, and what leads to a device

@@ -122,9 +122,10 @@ fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
 
 /// Nodes on the path of most delay to an audio output, each with its milliseconds.
 ///
-/// A latency is the time from a position of the hand to the sound of its sample. The response lag of a texture
-/// to a change of speed is another figure: its windows reach into the past, and the latencies that nodes
-/// declare balance this with samples that they emit early. So only nodes that delay samples count here.
+/// A latency is the time from a position of the hand to the sound of its sample. The response lag of a
+/// texture to a change of speed is another figure: its windows reach into the past, and the latencies that
+/// nodes declare balance this with samples that they emit early. So only nodes that delay samples count
+/// here.
 pub(crate) fn latency(schedule: &Schedule) -> Vec<(String, f64)> {
     let late = |i: usize| schedule.nodes[i].latency.max(Latency::ZERO).ms();
     // Nodes are in the order they run. A wire that closes a cycle carries the value of the tick before, and

@@ -55,7 +55,7 @@ impl Histogram {
             seen += bin.load(Relaxed);
             seen >= rank
         });
-        bin.map_or(0, |bin| (((bin as f64 + 0.5) / PART as f64).exp2() as u64).min(self.max_ns()))
+        bin.map_or(0, |bin| (((bin as f64 + 0.5) / PART as f64).exp2().round() as u64).min(self.max_ns()))
     }
 
     /// p50, p99, p99.9 and the maximum, in microseconds.

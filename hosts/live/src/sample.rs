@@ -1,4 +1,4 @@
-//! What a hand's device and the ticks exchange: samples of the hand, and a local model of the surface.
+//! Exchange between a hand's device and the ticks: samples of the hand, a local model of the surface.
 
 use ringbuf::traits::{Consumer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
