@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 use asperity_actuator::ActuatorProfile;
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::live::told;
 use harness::{Ran, asperity, files, graphs, json, run, run_line, wav};
 
@@ -15,21 +15,30 @@ const CARD: &str =
     "simulated:frames=64,latency=200,speed=10,plant=haptuator_mark_ii,plant_handle_g=60,plant_noise=0.2";
 
 fn calibrate(dir: &Path, device: &str, more: &[&str]) -> Ran {
-    let fixed =
-        ["calibrate", "--device", device, "--handle-mass-g", "60", "--out", "found.ron", "--seconds", "4"];
-    let scale = ["--accelerometer-full-scale", "100"];
-    let scale = if more.contains(&scale[0]) { &[][..] } else { &scale };
-    run(dir, &[&fixed[..], scale, more].concat())
+    let mut args = vec!["calibrate", "--device", device, "--handle-mass-g", "60"];
+    let usual = [("--accelerometer-full-scale", "100"), ("--out", "found.ron"), ("--seconds", "4")];
+    usual
+        .iter()
+        .filter(|(name, _)| !more.contains(name))
+        .for_each(|(name, value)| args.extend([name, value]));
+    run(dir, &[&args, more].concat())
 }
 
-/// The profile that is measured, as it is shipped.
-fn truth() -> ActuatorProfile {
-    ActuatorProfile::read(graphs("actuators/haptuator_mark_ii.ron")).expect("a shipped profile")
+fn found(dir: &Path) -> ActuatorProfile {
+    ActuatorProfile::read(dir.join("found.ron")).expect("a profile")
+}
+
+/// Checks the first figures that were found against those of the shipped profile that was measured.
+fn assert_found(dir: &Path, shipped: &str) {
+    let truth = ActuatorProfile::read(graphs("actuators").join(shipped)).expect("a shipped profile");
+    for ((name, found), (_, truth)) in found(dir).quantities().iter().zip(truth.quantities()).take(4) {
+        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
+    }
 }
 
 #[test]
 fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let more = ["--base", "haptuator_mark_ii", "--plot", "found.svg"];
     let ran = calibrate(dir.path(), CARD, &more).ok();
@@ -37,10 +46,8 @@ fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
     for word in ["stiffness", "95 % interval", "resonance", "trust", "assumed", "found.ron"] {
         assert!(ran.out.contains(word), "{word}: {}", ran.out);
     }
-    let (found, truth) = (ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile"), truth());
-    for ((name, found), (_, truth)) in found.quantities().iter().zip(truth.quantities()).take(4) {
-        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
-    }
+    assert_found(dir.path(), "haptuator_mark_ii.ron");
+    let found = found(dir.path());
     assert!(!found.stiffness.estimate && found.moving_mass.estimate);
     let svg = std::fs::read_to_string(dir.path().join("found.svg")).expect("a picture");
     for word in ["Magnitude", "Phase", "Coherence", "on 60 g"] {
@@ -58,16 +65,13 @@ fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
 /// As most sound cards are: long blocks, of integers, in real time, so that the paced clock keeps it.
 #[test]
 fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = CARD.replace("frames=64", "format=i16").replace(",speed=10", "");
-    let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json"];
-    let fixed =
-        ["calibrate", "--device", &card, "--handle-mass-g", "60", "--accelerometer-full-scale", "100"];
-    let args = [&fixed[..], &["--out", "found.ron", "--seconds", "1"], &more].concat();
+    let more = ["--base", "haptuator_mark_ii", "--period", "4096", "--json", "--seconds", "1"];
     // Real time is not to be had at every moment; that nothing was written all the same is.
     told(|| {
-        let ran = run(dir.path(), &args);
+        let ran = calibrate(dir.path(), &card, &more);
         if ran.code == 1 && ran.err.contains("times in a row") {
             assert!(files(dir.path()).is_empty());
             return Err(ran.err);
@@ -75,15 +79,12 @@ fn the_paced_clock_of_a_card_with_long_blocks_measures_as_well() {
         ran.ok();
         Ok(())
     });
-    let (found, truth) = (ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile"), truth());
-    for ((name, found), (_, truth)) in found.quantities().iter().zip(truth.quantities()).take(4) {
-        assert!((found.value / truth.value - 1.0).abs() < 0.05, "{name}: {found:?} {truth:?}");
-    }
+    assert_found(dir.path(), "haptuator_mark_ii.ron");
 }
 
 #[test]
 fn json_tells_what_was_found_and_how_far_to_trust_it() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let ran = calibrate(dir.path(), CARD, &["--base", "haptuator_mark_ii", "--json"]).ok();
     std::fs::write(dir.path().join("found.json"), &ran.out).expect("a file");
@@ -100,14 +101,14 @@ fn json_tells_what_was_found_and_how_far_to_trust_it() {
 /// The accelerometer is behind a voltage amplifier.
 #[test]
 fn inverted_accelerometer_gives_the_same_figures() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = CARD
         .replace("haptuator_mark_ii", "hapcoil_one")
         .replace("=0.2", "=0.05,plant_volts=5,plant_invert=1");
     let more = ["--drive", "voltage", "--volts-per-volt", "5", "--volts", "0.5"];
     calibrate(dir.path(), &card, &more).ok().says(&["polarity is inverted"]);
-    let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");
+    let found = found(dir.path());
     let truth = ActuatorProfile::read(graphs("actuators/hapcoil_one.ron")).expect("a shipped profile");
     for (found, truth) in [
         (&found.stiffness, &truth.stiffness),
@@ -120,7 +121,7 @@ fn inverted_accelerometer_gives_the_same_figures() {
 
 #[test]
 fn failed_measurement_says_why_and_keeps_the_old_profile() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let old = "an older profile";
     std::fs::write(dir.path().join("found.ron"), old).expect("a file");
@@ -154,20 +155,20 @@ fn failed_measurement_says_why_and_keeps_the_old_profile() {
 
 #[test]
 fn a_level_that_would_clip_is_lowered_and_said() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let card = "simulated:frames=64,speed=10,plant=hapcoil_one,plant_handle_g=60,\
                 plant_full_scale=2,plant_noise=0.001";
     calibrate(dir.path(), card, &["--accelerometer-full-scale", "2"])
         .ok()
         .says(&["the level is lowered to 0.0"]);
-    let found = ActuatorProfile::read(dir.path().join("found.ron")).expect("a profile");
+    let found = found(dir.path());
     assert!((found.force_factor.value / 1.78 - 1.0).abs() < 0.05, "{:?}", found.force_factor);
 }
 
 #[test]
 fn what_makes_no_sense_is_refused_before_anything_is_played() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     std::fs::copy(graphs("actuators/hapcoil_one.ron"), dir.path().join("mine.ron")).expect("a copy");
     let cases: [(&[&str], &str); 8] = [
@@ -195,7 +196,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_played() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_in_the_middle_leaves_nothing_behind() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let dir = tempfile::tempdir().expect("a folder");
     let device = CARD.replace("speed=10", "speed=4");
     let mut child = asperity(dir.path())

@@ -1,19 +1,18 @@
 //! `asperity run` while its graph is edited: nobody waits for that, and what cannot be had changes nothing.
 
-use std::io::Read as _;
 use std::net::{SocketAddr, TcpListener, UdpSocket};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
-use harness::alone::{shared_stage, stage};
+use harness::alone::shared_stage;
 use harness::json;
-use harness::live::{CARD, EARS, Live, graph, npy, rows, until};
-use serde_json::json;
+use harness::live::{CARD, Live, graph, npy, rows, until};
+use serde_json::{Value, json};
 
+use crate::edits::{edit, tone};
 use crate::haply::Service;
-use crate::onlooker::{Onlooker, Shown};
+use crate::socket::{Onlooker, Shown};
 
 /// Samples of a tick at 48 kHz.
 const TICK: usize = 96;
@@ -22,89 +21,53 @@ const DOWN: usize = 960;
 /// Samples of a crossfade.
 const FADE: usize = 480;
 
-/// Puts a file in its place at once, as editors do.
-fn replace(dir: &Path, text: &str) {
-    std::fs::write(dir.join("new"), text).expect("a file");
-    std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
-}
-
-/// A sine that is played and recorded, with more beside it.
-fn tone(nodes: &str, wires: &str) -> String {
-    format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
-           "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"), {}{nodes}}}, wires: [("sine", "limiter"), ("limiter", "out"),
-           {}{wires}])"#,
-        EARS[0], EARS[1]
-    )
-}
-
-/// A hand on an Inverse3 whose place is recorded.
-fn arm(service: SocketAddr, more: &str) -> [String; 2] {
-    [
-        format!(
-            r#""arm": (kind: "haply_input", params: (service: "ws://{service}", timeout_ms: 2000, {more})),
-               "place": (kind: "probe", params: (file: "place.csv")),"#
-        ),
-        r#"("arm.position", "place"),"#.to_owned(),
-    ]
-}
-
-/// A service that takes every connection and never says a word. Opening a hand on it takes seconds, and
-/// comes to nothing.
-struct Mute {
-    address: SocketAddr,
-    /// Connections that were taken, and those that were given up.
-    taken: Arc<AtomicUsize>,
-    given_up: Arc<AtomicUsize>,
-}
-
-impl Mute {
-    fn start() -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
-        let address = listener.local_addr().expect("a port");
-        let (taken, given_up) = (Arc::new(AtomicUsize::new(0)), Arc::new(AtomicUsize::new(0)));
-        let (took, gave) = (taken.clone(), given_up.clone());
-        // It ends with the test.
-        std::thread::spawn(move || {
-            for stream in listener.incoming().map_while(Result::ok) {
-                took.fetch_add(1, Relaxed);
-                let gave = gave.clone();
-                std::thread::spawn(move || {
-                    let mut stream = stream;
-                    while matches!(stream.read(&mut [0; 4096]), Ok(1..)) {}
-                    gave.fetch_add(1, Relaxed);
-                });
-            }
-        });
-        Self { address, taken, given_up }
-    }
+/// A tone beside a hand on an Inverse3 whose place is recorded.
+fn arm(service: SocketAddr, params: &str) -> String {
+    let nodes = format!(
+        r#""arm": (kind: "haply_input", params: (service: "ws://{service}", timeout_ms: 2000, {params})),
+           "place": (kind: "probe", params: (file: "place.csv")),"#
+    );
+    tone(&nodes, r#"("arm.position", "place"),"#)
 }
 
 /// A run that is watched, and its page.
-fn watched(dir: &Path, more: &[&str]) -> (Live, Onlooker) {
+fn watched(dir: &Path, text: &str, more: &[&str]) -> (Live, Onlooker) {
+    edit(dir, text);
     let mut live = Live::start(dir, &[&["g.ron", "--watch", "--page", "--device", CARD], more].concat());
     let onlooker = Onlooker::at(&live.says("the page: "));
     (live, onlooker)
 }
 
 /// A run that is watched and plays.
-fn plays(dir: &Path, more: &[&str]) -> Live {
+fn plays(dir: &Path, text: &str, more: &[&str]) -> Live {
+    edit(dir, text);
     let mut live = Live::start(dir, &[&["g.ron", "--watch", "--device", CARD], more].concat());
     live.says("plays on");
     live
 }
 
+fn ticks(shown: &Shown) -> u64 {
+    shown.view["ticks"].as_u64().unwrap_or(0)
+}
+
+/// Samples and stalls of the hand.
+fn hand(shown: &Shown) -> [u64; 2] {
+    ["samples", "stalls"].map(|name| shown.view["sources"][0][name].as_u64().unwrap_or(0))
+}
+
+/// The material of the texture.
+fn chosen(shown: &Shown) -> &Value {
+    &shown.layout["materials"][0]["chosen"]
+}
+
 /// A tone at full level whose graph was edited, so that a hand is being opened that never answers.
-fn opening(dir: &Path) -> (Live, Onlooker, Mute) {
-    replace(dir, &tone("", ""));
-    let (live, mut onlooker) = watched(dir, &["--report", "r.json"]);
+fn opening(dir: &Path) -> (Live, Onlooker, Service) {
+    let (live, mut onlooker) = watched(dir, &tone("", ""), &["--report", "r.json"]);
     onlooker.until("full level", |s| s.view["seconds"].as_f64() > Some(2.6));
     assert!(onlooker.shown.view["peak"].as_f64() > Some(0.05), "{}", onlooker.shown.view);
-    let mute = Mute::start();
-    let [nodes, wires] = arm(mute.address, "");
-    replace(dir, &tone(&nodes, &wires));
-    onlooker.until("that it is being opened", |_| mute.taken.load(Relaxed) > 0);
+    let mute = Service::mute();
+    edit(dir, arm(mute.address, ""));
+    onlooker.until("that it is being opened", |_| mute.unheard.load(Relaxed) > 0);
     (live, onlooker, mute)
 }
 
@@ -122,9 +85,9 @@ fn fall(heard: &[f32], from: usize) -> usize {
 
 #[test]
 fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let (live, mut onlooker, mute) = opening(dir);
-    let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
+    let before = ticks(&onlooker.shown);
     onlooker.ask(&json!({ "mute": true }));
     onlooker.until("that it is muted", |s| s.view["condition"] == "muted" && s.view["muted"] == true);
     onlooker.until("that the card gets nothing", |s| s.view["peak"] == 0.0);
@@ -137,34 +100,18 @@ fn a_mute_does_not_wait_for_a_graph_whose_hand_does_not_answer() {
 
     let (sent, heard) = (npy(&dir.join("sent.npy")), npy(&dir.join("heard.npy")));
     let report = json(&dir.join("r.json"));
-    assert_eq!(sent.len() as u64, report["ticks"].as_u64().expect("ticks") * TICK as u64, "{report}");
+    assert_eq!(Some((sent.len() / TICK) as u64), report["ticks"].as_u64(), "{report}");
     let fall = fall(&heard, before as usize * TICK);
     println!("silent {fall} samples behind a crest");
     // A crest may be half a period old when the fall begins, and the ramp is above 0.99 for a while.
     assert!(fall < DOWN + 300, "it falls in {fall} samples");
 }
 
-/// A hand whose settings were edited, and more recorded of it, so that it was closed and is being opened
-/// again, which never answers.
-fn exchanging(dir: &Path) -> (Live, Onlooker, Service) {
-    let service = Service::start();
-    let [nodes, wires] = arm(service.address, "");
-    replace(dir, &tone(&nodes, &wires));
-    let (live, mut onlooker) = watched(dir, &["--report", "r.json"]);
-    onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
-    service.mute.store(true, Relaxed);
-    let [nodes, wires] = arm(service.address, r#"device: "049D""#);
-    let more = [r#""q": (kind: "probe", params: (file: "q.csv")),"#, r#"("arm.position", "q"),"#];
-    replace(dir, &tone(&(nodes + more[0]), &(wires + more[1])));
-    onlooker.until("that it is being opened", |_| service.unheard.load(Relaxed) > 0);
-    (live, onlooker, service)
-}
-
 #[test]
 fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let (live, onlooker, mute) = opening(dir);
-    let before = onlooker.shown.view["ticks"].as_u64().expect("ticks");
+    let before = ticks(&onlooker.shown);
     assert_eq!(mute.given_up.load(Relaxed), 0);
     let ran = live.stop_by("TERM").ok();
     assert!(!ran.err.contains("cannot be taken over"), "it waited: {}", ran.err);
@@ -173,10 +120,20 @@ fn sigterm_does_not_wait_for_a_hand_that_does_not_answer() {
     // Nothing is left of the edit.
     assert_eq!(harness::files(dir), ["g.ron", "heard.npy", "r.json", "sent.npy"]);
 
+    // A hand whose settings were edited, and more recorded of it: it was closed and is being opened again,
+    // which never answers.
     let dir = tempfile::tempdir().expect("a folder");
-    let (live, _onlooker, service) = exchanging(dir.path());
+    let dir = dir.path();
+    let service = Service::start();
+    let (live, mut onlooker) = watched(dir, &arm(service.address, ""), &["--report", "r.json"]);
+    onlooker.until("the hand", |s| hand(s)[0] > 200);
+    service.mute.store(true, Relaxed);
+    let text = arm(service.address, r#"device: "049D""#);
+    let more = r#""q": (kind: "probe", params: (file: "q.csv")), "place":"#;
+    edit(dir, text.replace(r#""place":"#, more).replace("wires: [", r#"wires: [("arm.position", "q"), "#));
+    onlooker.until("that it is being opened", |_| service.unheard.load(Relaxed) > 0);
     live.stop_by("TERM").ok();
-    assert_eq!(harness::files(dir.path()), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
+    assert_eq!(harness::files(dir), ["g.ron", "heard.npy", "place.csv", "r.json", "sent.npy"]);
     assert_eq!(service.unheard.load(Relaxed), 1, "it was opened as it was before, though nobody wants it");
 }
 
@@ -200,18 +157,17 @@ fn osc_hand_is_let_go_only_for_settings_that_can_be() {
         tone(&(node + place), r#"("stylus.position", "place"),"#)
     };
     let here = |more: &str| stylus("127.0.0.1", more);
-    replace(dir, &here(""));
-    let mut live = plays(dir, &[]);
+    let mut live = plays(dir, &here(""), &[]);
     let before = socket(port);
     for (wrong, named) in [(r#", arguments: "foo""#, "foo"), (r#", address: "no slash""#, "no slash")] {
-        replace(dir, &here(wrong));
+        edit(dir, here(wrong));
         let said = live.says("cannot be taken over");
         assert!(live.said().contains(named), "{said}");
         assert_eq!(socket(port), before, "it was closed for {wrong}");
     }
     // It may start to listen on all addresses.
     for text in [stylus("0.0.0.0", ", anywhere: true"), here("")] {
-        replace(dir, &text);
+        edit(dir, text);
         let said = live.says("g.ron changed");
         assert!(said.contains("stylus"), "{said}: {}", live.said());
     }
@@ -223,23 +179,20 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
     let dir = &*shared_stage();
     let service = Service::start();
     let text = |timeout_ms: u32| {
-        let params = format!(r#"(service: "ws://{}", timeout_ms: {timeout_ms})"#, service.address);
-        let stylus = r#"(kind: "haply_input")"#;
-        let text = graph("haply.ron", "", "");
+        let params = format!(r#", params: (service: "ws://{}", timeout_ms: {timeout_ms}))"#, service.address);
+        let (text, stylus) = (graph("haply.ron", "", ""), r#"(kind: "haply_input""#);
         assert!(text.contains(stylus));
-        text.replace(stylus, &format!(r#"(kind: "haply_input", params: {params})"#))
+        text.replace(&format!("{stylus})"), &format!("{stylus}{params}"))
     };
     let (with, other) = (text(2000), text(1000));
-    replace(dir, &with);
-    let (live, mut onlooker) = watched(dir, &[]);
-    onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
+    let (live, mut onlooker) = watched(dir, &with, &[]);
+    onlooker.until("the hand", |s| hand(s)[0] > 200);
     drop(service);
-    replace(dir, &other);
+    edit(dir, other);
     onlooker.until("that it is gone", |_| live.said().contains("cannot be had again"));
-    let chosen = |layout: &serde_json::Value| layout["materials"][0]["chosen"].clone();
-    assert_ne!(chosen(&onlooker.shown.layout), "sandpaper P40");
+    assert_ne!(chosen(&onlooker.shown), "sandpaper P40");
     onlooker.ask(&json!({ "material": { "node": "texture", "name": "sandpaper P40" } }));
-    onlooker.until("the texture", |s| chosen(&s.layout) == "sandpaper P40");
+    onlooker.until("the texture", |s| chosen(s) == "sandpaper P40");
     live.stop().ok();
 }
 
@@ -247,36 +200,27 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
 fn an_edit_that_is_refused_keeps_the_hand() {
     let dir = &*shared_stage();
     let service = Service::start();
-    let with = |address: SocketAddr, more: &str| {
-        let [nodes, wires] = arm(address, more);
-        tone(&nodes, &wires)
-    };
-    replace(dir, &with(service.address, ""));
-    let (live, mut onlooker) = watched(dir, &[]);
-    let samples = |o: &Onlooker| o.shown.view["sources"][0]["samples"].as_u64().unwrap_or(0);
-    onlooker.until("the hand", |s| s.view["sources"][0]["samples"].as_u64() > Some(200));
-
+    let (live, mut onlooker) = watched(dir, &arm(service.address, ""), &[]);
+    onlooker.until("the hand", |s| hand(s)[0] > 200);
     let refusals = || live.said().matches("cannot be taken over").count();
-    let stalls = |o: &Onlooker| o.shown.view["sources"][0]["stalls"].as_u64();
 
     // A service that is not there.
     let nobody = TcpListener::bind("127.0.0.1:0").and_then(|l| l.local_addr()).expect("a port");
-    replace(dir, &with(nobody, ""));
+    edit(dir, arm(nobody, ""));
     onlooker.until("the reason", |_| refusals() > 0);
-    let (stalled, before) = (stalls(&onlooker), samples(&onlooker));
-    let goes_on = |s: &Shown, n: u64| s.view["sources"][0]["samples"].as_u64() > Some(n + 500);
-    onlooker.until("that the hand goes on", |s| goes_on(s, before));
-    assert_eq!(stalls(&onlooker), stalled);
+    let [before, stalls] = hand(&onlooker.shown);
+    onlooker.until("that the hand goes on", |s| hand(s)[0] > before + 500);
+    assert_eq!(hand(&onlooker.shown)[1], stalls);
     assert_eq!(onlooker.shown.layout["number"], 0, "the graph is the one of before");
 
     // The same service, of which another device is wanted that it does not have: only when the first is let
     // go is that known.
-    let counted = samples(&onlooker);
-    replace(dir, &with(service.address, r#"device: "ABCD""#));
+    let [counted, _] = hand(&onlooker.shown);
+    edit(dir, arm(service.address, r#"device: "ABCD""#));
     onlooker.until("the reason", |_| refusals() > 1);
-    let before = samples(&onlooker);
-    onlooker.until("that the hand is back", |s| goes_on(s, before));
-    let after = samples(&onlooker);
+    let [before, _] = hand(&onlooker.shown);
+    onlooker.until("that the hand is back", |s| hand(s)[0] > before + 500);
+    let [after, _] = hand(&onlooker.shown);
     assert!(after > counted + 500, "what was counted before is forgotten: {counted}, then {after}");
     let said = live.stop().ok().err;
     assert!(said.contains("ABCD") && said.contains("the running graph goes on"), "{said}");
@@ -287,7 +231,7 @@ fn an_edit_that_is_refused_keeps_the_hand() {
 
 #[test]
 fn outputs_that_change_places_in_the_file_keep_their_channels() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let voice = |id: &str, hz: f64| {
         format!(
             r#""{id} tone": (kind: "sine", params: (frequency_hz: {hz:?})),
@@ -300,18 +244,18 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
         "two": (kind: "file_out", params: (file: "two.npy")),"#;
     let wires = r#"("a tone", "a limiter"), ("a limiter", "a"), ("b tone", "b limiter"), ("b limiter", "b"),
        ("in 1", "one"), ("in 2", "two")"#;
-    let text = |voices: [String; 2]| {
-        format!("Graph(version: 1, nodes: {{{}{}{ears}}}, wires: [{wires}])", voices[0], voices[1])
+    let text = |[one, other]: [String; 2]| {
+        edit(dir, format!("Graph(version: 1, nodes: {{{one}{other}{ears}}}, wires: [{wires}])"));
     };
-    replace(dir, &text([voice("a", 80.0), voice("b", 250.0)]));
+    text([voice("a", 80.0), voice("b", 250.0)]);
     let card = "simulated:frames=256,channels=2,inputs=2,loopback=1";
     let mut live = Live::start(dir, &["g.ron", "--watch", "--device", card, "--channel", "1,2"]);
     live.says("plays on");
     std::thread::sleep(Duration::from_millis(500));
-    replace(dir, &text([voice("b", 250.0), voice("a", 80.0)]));
+    text([voice("b", 250.0), voice("a", 80.0)]);
     live.says("changed:");
     // And another change, which begins where that one left off.
-    replace(dir, &text([voice("b", 250.0), voice("a", 81.0)]));
+    text([voice("b", 250.0), voice("a", 81.0)]);
     let said = live.says("changed:");
     assert!(said.contains("a tone"), "{said}");
     std::thread::sleep(Duration::from_millis(800));
@@ -329,19 +273,12 @@ fn outputs_that_change_places_in_the_file_keep_their_channels() {
 
 #[test]
 fn of_textures_chosen_in_a_burst_the_newest_plays() {
-    let dir = &*stage();
-    std::fs::write(dir.join("g.ron"), graph("live.ron", "", "")).expect("a graph");
-    let mut live = Live::start(dir, &["g.ron", "--page", "--device", CARD]);
-    let mut onlooker = Onlooker::at(&live.says("the page: "));
-    onlooker.until("a view", |s| s.view["ticks"].as_u64() > Some(100));
-    let names: Vec<String> = onlooker.shown.layout["materials"][0]["names"]
-        .as_array()
-        .expect("materials")
-        .iter()
-        .map(|name| name.as_str().expect("a name").to_owned())
-        .collect();
     const BURST: usize = 60;
-    let choose = |onlooker: &mut Onlooker, name: &str| {
+    let dir = &*shared_stage();
+    let (live, mut onlooker) = watched(dir, &graph("live.ron", "", ""), &[]);
+    onlooker.until("a view", |s| ticks(s) > 100);
+    let names = onlooker.shown.layout["materials"][0]["names"].as_array().expect("materials").clone();
+    let choose = |onlooker: &mut Onlooker, name: &Value| {
         onlooker.ask(&json!({ "material": { "node": "texture", "name": name } }));
     };
     for i in 0..BURST {
@@ -350,12 +287,11 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
     }
     let newest = names.iter().find(|name| *name == "sandpaper P40").expect("sandpaper P40");
     choose(&mut onlooker, newest);
-    let chosen = |layout: &serde_json::Value| layout["materials"][0]["chosen"].clone();
-    onlooker.until("the newest", |s| chosen(&s.layout) == newest.as_str());
+    onlooker.until("the newest", |s| chosen(s) == newest);
     onlooker.looks_on(Duration::from_millis(1_500));
     let swaps = onlooker.shown.layout["number"].as_u64().expect("a number");
     println!("{swaps} of {} textures were taken over", BURST + 1);
-    assert_eq!(chosen(&onlooker.shown.layout), newest.as_str());
+    assert_eq!(chosen(&onlooker.shown), newest);
     assert!((1..BURST as u64).contains(&swaps), "{swaps} of {} were taken over", BURST + 1);
 
     // A parameter that is moved while a texture is being made stays where it was put.
@@ -365,11 +301,11 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
     onlooker.ask(&json!({ "set": { "node": "strength", "param": "gain", "value": 0.125 } }));
     // The page hears of either change first: on a quick machine the texture is made before the parameter is
     // moved.
-    let strength = |layout: &serde_json::Value| {
-        let nodes = layout["nodes"].as_array().expect("nodes");
-        nodes.iter().find(|n| n["id"] == "strength").expect("a node")["live"][0]["value"].clone()
+    let holds = |s: &Shown| {
+        let nodes = s.layout["nodes"].as_array().expect("nodes");
+        let strength = nodes.iter().find(|n| n["id"] == "strength").expect("a node");
+        chosen(s) == last && strength["live"][0]["value"] == 0.125
     };
-    let holds = |s: &Shown| chosen(&s.layout) == last.as_str() && strength(&s.layout) == 0.125;
     onlooker.until("the last, and the parameter where it was put", holds);
     onlooker.looks_on(Duration::from_millis(500));
     assert!(holds(&onlooker.shown), "{}", onlooker.shown.layout);
@@ -378,53 +314,43 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
 
 #[test]
 fn files_added_by_an_edit_hold_the_time_they_were_there() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let early = [r#""early": (kind: "file_out", params: (file: "early.npy")),"#, r#"("limiter", "early"),"#];
-    let late = [r#""late": (kind: "file_out", params: (file: "late.npy")),"#, r#"("limiter", "late"),"#];
-    replace(dir, &tone(early[0], early[1]));
-    let mut live = plays(dir, &["--report", "r.json"]);
-    std::thread::sleep(Duration::from_millis(300));
-    // What another sink writes, or wrote, is not written over.
-    for file in ["sent.npy", "r.json", "g.ron"] {
-        replace(
-            dir,
-            &tone(
-                &format!("{}{}", early[0], late[0].replace("late.npy", file)),
-                &[early[1], late[1]].concat(),
-            ),
-        );
+    let late = |file: &str| format!(r#""late": (kind: "file_out", params: (file: "{file}")),"#);
+    let wire = r#"("limiter", "late"),"#;
+    let pause = || std::thread::sleep(Duration::from_millis(300));
+    let mut live = plays(dir, &tone(early[0], early[1]), &["--report", "r.json"]);
+    pause();
+    let refused = |live: &mut Live, text: String| {
+        edit(dir, text);
         live.says("cannot be taken over");
         live.says("the running graph goes on");
+    };
+    // What another sink writes, or wrote, is not written over.
+    for file in ["sent.npy", "r.json", "g.ron"] {
+        refused(&mut live, tone(&(early[0].to_owned() + &late(file)), &[early[1], wire].concat()));
     }
-    replace(dir, &tone(late[0], late[1]));
+    edit(dir, tone(&late("late.npy"), wire));
     live.says("changed:");
-    std::thread::sleep(Duration::from_millis(300));
-    replace(dir, &tone(&late[0].replace("late.npy", "early.npy"), late[1]));
-    live.says("cannot be taken over");
-    live.says("the running graph goes on");
+    pause();
+    refused(&mut live, tone(&late("early.npy"), wire));
     // The same sink into another file.
-    replace(dir, &tone(&late[0].replace("late.npy", "later.wav"), late[1]));
+    edit(dir, tone(&late("later.wav"), wire));
     live.says("changed:");
-    std::thread::sleep(Duration::from_millis(300));
+    pause();
     let ran = live.stop().ok();
-    let name = |file: &str| dir.join(file);
-    let (sent, early, late) = (npy(&name("sent.npy")), npy(&name("early.npy")), npy(&name("late.npy")));
-    let later: Vec<f32> = hound::WavReader::open(name("later.wav"))
-        .expect("a recording")
-        .into_samples()
-        .map(|x| x.expect("a sample"))
-        .collect();
+    let [sent, early, late] = ["sent.npy", "early.npy", "late.npy"].map(|file| npy(&dir.join(file)));
+    let later = harness::wav(&dir.join("later.wav")).0;
     println!("{} samples: {} early, {} late, {} later", sent.len(), early.len(), late.len(), later.len());
     // What was left out on a busy machine is missing in all of them; else nothing is.
-    let left_out = json(&name("r.json"))["skipped_ticks"].as_u64();
+    let left_out = json(&dir.join("r.json"))["skipped_ticks"].as_u64();
     assert!(left_out > Some(0) || !ran.err.contains("rows of ticks"), "{}", ran.err);
-    assert!(early.len() > 9_600 && late.len() > 9_600 && later.len() > 9_600);
+    assert!([&early, &late, &later].iter().all(|part| part.len() > 9_600));
     // One takes up where the other ended; what a new sink hears is faded in.
     let all = [&early[..], &late, &later].concat();
     assert_eq!(all.len(), sent.len());
-    let other = all.iter().zip(&sent).enumerate().filter(|(_, (a, b))| a != b);
     let fades = [early.len(), early.len() + late.len()].map(|at| at..at + FADE);
-    for (i, (a, b)) in other {
+    for (i, (a, b)) in all.iter().zip(&sent).enumerate().filter(|(_, (a, b))| a != b) {
         assert!(fades.iter().any(|fade| fade.contains(&i)), "{a} in place of {b} at {i}: {fades:?}");
     }
 }
@@ -432,26 +358,22 @@ fn files_added_by_an_edit_hold_the_time_they_were_there() {
 #[test]
 fn pointer_added_by_an_edit_moves_on_the_open_page() {
     let dir = &*shared_stage();
-    replace(dir, &tone("", ""));
-    let (live, mut onlooker) = watched(dir, &[]);
-    onlooker.until("the graph", |s| s.layout["nodes"].is_array() && s.view["ticks"].as_u64() > Some(10));
+    let (live, mut onlooker) = watched(dir, &tone("", ""), &[]);
+    onlooker.until("the graph", |s| s.layout["nodes"].is_array() && ticks(s) > 10);
     assert!(!onlooker.shown.hand);
-    let pointer = [
-        r#""hand": (kind: "pointer_input", params: (timeout_ms: 2000)),
-           "place": (kind: "probe", params: (file: "place.csv")),"#,
-        r#"("hand.position", "place"),"#,
-    ];
-    replace(dir, &tone(pointer[0], pointer[1]));
+    let nodes = r#""hand": (kind: "pointer_input", params: (timeout_ms: 2000)),
+           "place": (kind: "probe", params: (file: "place.csv")),"#;
+    edit(dir, tone(nodes, r#"("hand.position", "place"),"#));
     onlooker.until("something to stroke", |s| s.hand);
-    let mut at = 0;
     onlooker.until("the graph with it", |s| s.view["layout"] == 1);
-    while onlooker.shown.view["sources"][0]["samples"].as_u64() < Some(50) {
+    let mut at = 0;
+    while hand(&onlooker.shown)[0] < 50 {
         at += 1;
         assert!(at < 2_000, "the hand is not heard of: {}", onlooker.shown.view);
         onlooker.touches(f64::from(at) * 8.0, 0.1 * f64::from(at), 0.5, 1.0);
         onlooker.looks_on(Duration::from_millis(5));
     }
-    replace(dir, &tone("", ""));
+    edit(dir, tone("", ""));
     onlooker.until("nothing to stroke", |s| !s.hand);
     onlooker.touches(1e6, 3.0, 0.5, 2.0);
     onlooker.looks_on(Duration::from_millis(100));

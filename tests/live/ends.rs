@@ -6,27 +6,16 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use harness::alone::{real_time, shared_stage, stage};
-use harness::live::{CARD, EARS, Live, PATIENCE, npy, told, until};
+use harness::alone::{beside_others, shared_stage};
+use harness::live::{CARD, Live, npy, told, until};
 use harness::servers::{signal, skipped};
 use harness::{asperity, json, run, wav};
-use tungstenite::Message;
 
-use crate::socket::connect;
+use crate::edits::{edit, tone};
+use crate::socket::{Onlooker, Shown};
 
 /// First bytes to a terminal.
 const ENTER: &str = "\x1b[?1049h";
-
-/// A sine, and what the card plays of it.
-fn write_graph(dir: &Path) {
-    let text = format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
-           "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"), {}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}])"#,
-        EARS[0], EARS[1]
-    );
-    std::fs::write(dir.join("g.ron"), text).expect("a graph");
-}
 
 /// A run with `--tui` in a pseudo-terminal that `script` (util-linux) makes, up for some seconds.
 struct InTerminal {
@@ -42,7 +31,7 @@ impl InTerminal {
             skipped("there is no `script` here to make a pseudo-terminal");
             return None;
         }
-        write_graph(dir);
+        edit(dir, tone("", ""));
         let own = asperity(dir).get_program().to_string_lossy().into_owned();
         let run = format!("echo $$ > pid; exec {own} run g.ron --tui --device {CARD} --report r.json");
         let command = format!("stty rows 40 cols 120; {prefix} sh -c '{run}'");
@@ -136,7 +125,7 @@ fn ends_softly(dir: &Path) -> Result<(), String> {
 
 #[test]
 fn closed_terminal_ends_the_run_with_a_ramp_and_its_files() {
-    let _alone = real_time();
+    let _alone = beside_others();
     told(|| {
         let dir = tempfile::tempdir().expect("a folder");
         let Some(mut it) = InTerminal::start(dir.path(), "exec") else { return Ok(()) };
@@ -151,7 +140,7 @@ fn closed_terminal_ends_the_run_with_a_ramp_and_its_files() {
 /// It neither ends the run nor keeps a processor busy.
 #[test]
 fn terminal_gone_without_a_signal_costs_nothing() {
-    let _alone = real_time();
+    let _alone = beside_others();
     told(|| {
         let dir = tempfile::tempdir().expect("a folder");
         // In a session of its own nobody tells it.
@@ -172,34 +161,13 @@ fn terminal_gone_without_a_signal_costs_nothing() {
     });
 }
 
-/// The views that come over a page's socket, until one is as wanted.
-fn view_with(
-    socket: &mut tungstenite::WebSocket<std::net::TcpStream>,
-    got: &mut u64,
-    is: impl Fn(&serde_json::Value) -> bool,
-) -> serde_json::Value {
-    let began = Instant::now();
-    loop {
-        assert!(began.elapsed() < PATIENCE, "no such view comes");
-        let Message::Binary(bytes) = socket.read().expect("it shows") else { continue };
-        *got += 1;
-        let told = [0.0, *got as f64].map(f64::to_le_bytes).concat();
-        socket.send(Message::binary(told)).expect("it hears");
-        let length = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize;
-        let head: serde_json::Value = serde_json::from_slice(&bytes[4..4 + length]).expect("JSON");
-        if is(&head["view"]) {
-            return head["view"].clone();
-        }
-    }
-}
-
 /// Bytes that a pipe holds.
 const PIPE: usize = 65_536;
 
 #[test]
 fn unread_messages_delay_neither_mute_ticks_nor_end() {
-    let dir = &*stage();
-    write_graph(dir);
+    let dir = &*shared_stage();
+    edit(dir, tone("", ""));
     let mut child = asperity(dir)
         .args(["run", "g.ron", "--page", "--watch", "--device", CARD])
         .stdin(Stdio::null())
@@ -218,22 +186,21 @@ fn unread_messages_delay_neither_mute_ticks_nor_end() {
     };
     let url = says("the page: ");
     says("plays on");
-    let (host, _) = url.split_once("/?").expect("an address with a token");
-    let (mut socket, mut got) = (connect(&url, Some(host)).expect("there is room"), 0);
+    let mut onlooker = Onlooker::at(&url);
     // From here on nobody reads. Of each of these files a thousand nodes are refused, and fifty are told.
-    for edit in 0..3 {
-        let node = |n: usize| format!("\"{n}\": (kind: \"nothing {edit} {n}\"),\n");
+    for number in 0..3 {
+        let node = |n: usize| format!("\"{n}\": (kind: \"nothing {number} {n}\"),\n");
         let nodes: String = (0..1000).map(node).collect();
-        std::fs::write(dir.join("new"), format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"))
-            .expect("a file");
-        std::fs::rename(dir.join("new"), dir.join("g.ron")).expect("a file");
-        std::thread::sleep(Duration::from_secs(1));
+        edit(dir, format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [])"));
+        std::thread::sleep(Duration::from_millis(700));
     }
-    let view = view_with(&mut socket, &mut got, |_| true);
-    socket.send(Message::text(r#"{"mute":true}"#)).expect("it hears");
-    let muted = view_with(&mut socket, &mut got, |view| view["condition"] == "muted");
-    let (from, to) = (view["ticks"].as_u64().expect("a count"), muted["ticks"].as_u64().expect("a count"));
-    view_with(&mut socket, &mut got, |view| view["ticks"].as_u64() > Some(to + 100));
+    let ticks = |shown: &Shown| shown.view["ticks"].as_u64().unwrap_or(0);
+    onlooker.until("a view", |shown| ticks(shown) > 0);
+    let from = ticks(&onlooker.shown);
+    onlooker.ask(&serde_json::json!({ "mute": true }));
+    onlooker.until("that it is muted", |shown| shown.view["condition"] == "muted");
+    let to = ticks(&onlooker.shown);
+    onlooker.until("more ticks", |shown| ticks(shown) > to + 100);
     println!("muted {} ticks after", to - from);
     signal(child.id(), "INT");
     let code = harness::live::end(&mut child);
@@ -247,7 +214,7 @@ fn unread_messages_delay_neither_mute_ticks_nor_end() {
 #[test]
 fn unwritable_report_keeps_recordings_and_summary() {
     let dir = &*shared_stage();
-    write_graph(dir);
+    edit(dir, tone("", ""));
     std::fs::create_dir(dir.join("gone")).expect("a folder");
     let mut live =
         Live::start(dir, &["g.ron", "--device", CARD, "--report", "gone/r.json", "--seconds", "2.5"]);

@@ -1,7 +1,7 @@
 //! A stand-in of the Haply service.
 
 use std::f64::consts::TAU;
-use std::io::{ErrorKind, Write as _};
+use std::io::{ErrorKind, Read as _, Write as _};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering::Relaxed};
@@ -31,8 +31,9 @@ pub struct State {
     pub closed: AtomicBool,
     /// Whether who connects from now on never hears a word.
     pub mute: AtomicBool,
-    /// Connections of that kind.
+    /// Connections of that kind, and those that were given up.
     pub unheard: AtomicUsize,
+    pub given_up: AtomicUsize,
 }
 
 /// A running stand-in; dropping it kills it, connections and all.
@@ -56,6 +57,14 @@ impl Service {
         Self::at("127.0.0.1:0".parse().expect("an address"), &["049D"])
     }
 
+    /// A service that takes every connection and never says a word. Opening a hand on it takes seconds, and
+    /// comes to nothing.
+    pub fn mute() -> Self {
+        let service = Self::start();
+        service.mute.store(true, Relaxed);
+        service
+    }
+
     pub fn at(address: SocketAddr, devices: &[&'static str]) -> Self {
         let state = Arc::new(State { devices: Mutex::new(devices.to_vec()), ..State::default() });
         let listener = TcpListener::bind(address).expect("a port");
@@ -63,10 +72,19 @@ impl Service {
         listener.set_nonblocking(true).expect("a socket");
         let own = state.clone();
         let thread = Background::new(move |stop| {
-            let mut held = Vec::new();
+            let mut held: Vec<TcpStream> = Vec::new();
             while !stop.load(Relaxed) {
+                held.retain_mut(|stream| {
+                    let left = match stream.read(&mut [0; 4096]) {
+                        Ok(n) => n == 0,
+                        Err(e) => e.kind() != ErrorKind::WouldBlock,
+                    };
+                    own.given_up.fetch_add(usize::from(left), Relaxed);
+                    !left
+                });
                 match listener.accept() {
                     Ok((stream, _)) if own.mute.load(Relaxed) => {
+                        stream.set_nonblocking(true).expect("a socket");
                         held.push(stream);
                         own.unheard.fetch_add(1, Relaxed);
                     }

@@ -12,7 +12,7 @@ use asperity_engine::Options as EngineOptions;
 use asperity_graph::GraphFile;
 use asperity_live::driver::{Clock, Options, Rates, Ticker, callback, paced};
 use asperity_live::realtime::Machine;
-use asperity_live::{DeviceQueues, Meters, Player, prepare_live};
+use asperity_live::{Count, DeviceQueues, GraphController, Meters, Player, prepare_live};
 use harness::alone::apart;
 use harness::counting::{Who, assert_it_counts, bind, look, touched};
 
@@ -53,7 +53,7 @@ fn memory_kb() -> u64 {
 }
 
 /// The shipped graph with a stroke without end, so that no node sleeps.
-fn player(tick_hz: u32) -> (asperity_live::GraphController, Player) {
+fn player(tick_hz: u32) -> (GraphController, Player) {
     let mut graph = GraphFile::read(harness::graphs("texture.ron")).expect("the shipped graph");
     let stylus = graph.nodes.iter_mut().find(|n| n.id == "stylus").expect("the stylus");
     stylus.kind = "stroke".into();
@@ -83,7 +83,7 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let request = Request { device: Some(card.id()), ..Request::default() };
     let stream = open(&request, Box::new(Bound(process)), None).expect("the card");
     stream.play().expect("it plays");
-    let wait = |until: u64, graph_controller: &mut asperity_live::GraphController| {
+    let wait = |until: u64, graph_controller: &mut GraphController| {
         let (began, mut view) = (Instant::now(), asperity_live::view::View::default());
         while meters.next_tick() < until {
             assert!(!driver.controls().failed() && stream.lost().is_none(), "{what}: {:?}", stream.lost());
@@ -105,21 +105,12 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     look(Who::Nobody);
     let (timing, grown) = (meters.timing(), after_kb.saturating_sub(before_kb));
     let (lost, breaks) = (meters.lost_samples.get(), meters.underruns.get() + meters.xruns.get());
-    let figures = |f: [f64; 4]| format!("{:7.1} {:7.1} {:7.1} {:9.1}", f[0], f[1], f[2], f[3]);
-    println!(
-        "{what:<30} {:>8} {} {} {:>6} {:>6.3} % {} {:>6} {:>6} {:>6} {:>7} {:>5} kB",
-        meters.next_tick(),
-        figures(timing.late_us),
-        figures(timing.compute_us),
-        timing.misses,
-        100.0 * timing.misses as f64 / meters.next_tick() as f64,
-        figures(timing.recovery_us),
-        meters.skipped_ticks.get(),
-        meters.caught_up_ticks.get(),
-        breaks,
-        lost,
-        grown,
-    );
+    println!("{what}: {} ticks, {grown} kB more", meters.next_tick());
+    let figures =
+        [("woke late", timing.late_us), ("tick", timing.compute_us), ("in time", timing.recovery_us)];
+    figures.iter().for_each(|(what, us)| println!("  {what} [us], p50 p99 p99.9 max: {us:.1?}"));
+    let [skipped, behind] = [&meters.skipped_ticks, &meters.caught_up_ticks].map(Count::get);
+    println!("  {} misses, {skipped} left out, {behind} behind, {breaks} breaks, {lost} lost", timing.misses);
     assert_eq!(touched(), (0, 0), "{what}: allocations");
     assert!(grown < 400, "{what}: {grown} kB more");
     assert_eq!(view.faults, 0, "{what}: {view:?}");
@@ -139,21 +130,6 @@ fn long_run_neither_allocates_nor_grows() {
     let long = std::env::var("ASPERITY_LONG_TICKS").ok().and_then(|t| t.parse::<u64>().ok());
     // A run has them; without leave from the system it is worse.
     let _machine = Machine::ask();
-    println!(
-        "{:<30} {:>8} {:>33} {:>33} {:>6} {:>8} {:>33} {:>6} {:>6} {:>6} {:>7} {:>8}",
-        "clock",
-        "ticks",
-        "woke late us: p50 p99 p99.9 max",
-        "tick us: p50 p99 p99.9 max",
-        "misses",
-        "",
-        "in time again us: p50 .. max",
-        "skip",
-        "behind",
-        "breaks",
-        "lost",
-        "grown",
-    );
     let ticks = |tick_hz: u32, part: u64| long.map_or(u64::from(tick_hz) * 3 / 2, |all| all * part / 100);
     run(Clock::Paced, 4000, 256, ticks(4000, 70));
     run(Clock::Callback, 4000, 12, ticks(4000, 25));

@@ -1,27 +1,23 @@
 //! Everything that plays in real time, or needs an audio server or a browser.
 //!
-//! Such tests disturb each other. Each one holds `harness::alone::real_time()`, by itself or through a
-//! helper:
-//! `servers::inside` and `alone::apart` take it.
+//! Each test holds `harness::alone::real_time()` where others would disturb it (`servers::inside` and
+//! `alone::apart` take it), and `beside_others()` where it can bear them.
 #![allow(unreachable_pub, reason = "a test program has no outside")]
 
 mod audio;
 mod calibrate;
 mod coil;
-mod devices;
 mod driver;
 mod ear;
 mod edit;
+mod edits;
 mod ends;
-mod faults;
 mod hand;
 mod hands;
 mod haply;
 mod jack_server;
-mod latency;
 mod limits;
 mod long;
-mod onlooker;
 mod options;
 mod page;
 mod page_server;

@@ -10,6 +10,7 @@ use harness::chromium::Chromium;
 use harness::json;
 use harness::live::{CARD, EARS, Live, graph, npy, rms, rows, told};
 
+use crate::edits::edit;
 use crate::pen::Pen;
 
 /// Samples of a tick at 48 kHz.
@@ -47,22 +48,22 @@ fn median(x: &[f64]) -> f64 {
 }
 
 /// A browser that every trial of a test has again.
-struct Kept(Option<Chromium>);
+pub(crate) struct Kept(Option<Chromium>);
 
 impl Kept {
-    fn pen(&mut self, url: &str) -> Pen {
+    pub(crate) fn pen(&mut self, url: &str) -> Pen {
         Pen::over(self.0.take().expect("it was given back"), url)
     }
 
     /// A page whose run has ended would complain that it is gone.
-    fn take_back(&mut self, mut pen: Pen) {
+    pub(crate) fn take_back(&mut self, mut pen: Pen) {
         pen.browser.open("about:blank");
         self.0 = Some(pen.browser);
     }
 }
 
 /// Runs a trial with a browser, if there is one, until it counts.
-fn with_browser(mut trial: impl FnMut(&mut Kept) -> Result<(), String>) {
+pub(crate) fn with_browser(mut trial: impl FnMut(&mut Kept) -> Result<(), String>) {
     let _alone = real_time();
     let Some(browser) = Chromium::start() else { return };
     let mut kept = Kept(Some(browser));
@@ -128,7 +129,7 @@ fn silences(x: &[f32]) -> Vec<usize> {
 }
 
 /// The loudest 50 ms.
-fn loudest(x: &[f32]) -> f64 {
+pub(crate) fn loudest(x: &[f32]) -> f64 {
     x.chunks(2_400).map(rms).fold(0.0, f64::max)
 }
 
@@ -236,11 +237,9 @@ fn a_page_that_is_gone_is_silent(kept: &mut Kept) -> Result<(), String> {
     let mut pen = kept.pen(&url);
     // The pen has another reader from here on.
     pen.strokes(0.2, 160.0);
-    let file = dir.path().join("g.ron");
-    let text = std::fs::read_to_string(&file).expect("a graph");
+    let text = std::fs::read_to_string(dir.path().join("g.ron")).expect("a graph");
     assert!(text.contains("depth_mm: 6.6"), "{text}");
-    std::fs::write(dir.path().join("new"), text.replace("depth_mm: 6.6", "depth_mm: 6.5")).expect("a file");
-    std::fs::rename(dir.path().join("new"), file).expect("a file");
+    edit(dir.path(), text.replace("depth_mm: 6.6", "depth_mm: 6.5"));
     assert!(live.says("changed:").contains("stylus"), "{}", live.said());
     pen.strokes(0.8, 160.0);
     pen.does("location.href = 'about:blank'");

@@ -27,12 +27,12 @@ fn pulseaudio_plays_every_sample_at_1024_frames() {
         let dir = tempfile::tempdir().unwrap();
         let recorder = Parec::start();
         let program = play(dir.path());
-        std::thread::sleep(Duration::from_millis(6500));
+        std::thread::sleep(Duration::from_millis(5500));
         program.stop().ok();
         // What is on its way.
         std::thread::sleep(Duration::from_millis(500));
         assert_eq!(report(dir.path())["clock"], "paced");
-        is_as_rendered(dir.path(), &recorder.stop(), RATE, 5.0)
+        is_as_rendered(dir.path(), &recorder.stop(), RATE, 4.0)
     });
 }
 

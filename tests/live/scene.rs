@@ -2,21 +2,20 @@
 //! the page.
 
 use std::fs;
-use std::path::Path;
 use std::time::Duration;
 
 use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
-use harness::alone::{beside_others, real_time, shared_stage};
-use harness::chromium::Chromium;
-use harness::live::{Live, npy, rms, told};
+use harness::alone::{beside_others, shared_stage};
+use harness::live::{Live, npy, rms};
 use harness::stage::{by_hand, channel, offline, options, start, stop};
 use harness::{graph, graphs, json};
 use serde_json::Value;
 
-use crate::pen::Pen;
+use crate::edits::replace;
+use crate::page::{Kept, loudest, with_browser};
 
 /// A shipped scene as a graph.
 fn lowered(name: &str) -> (GraphFile, Compiled) {
@@ -70,12 +69,6 @@ fn table(friction: &str, right: &str) -> String {
 const RIGHT: &str = "stiffness: (stiffness_n_per_mm: 0.5), texture: waveform(segments: [(0, 0), (0.5, 4), \
                      (1, 0), (1.5, -4), (2, 0)], reference_speed_mm_s: 80)";
 
-/// Puts a file in its place at once.
-fn replace(dir: &Path, name: &str, text: &[u8]) {
-    fs::write(dir.join(".new"), text).expect("it is written");
-    fs::rename(dir.join(".new"), dir.join(name)).expect("it is renamed");
-}
-
 fn made(name: &str) -> Vec<u8> {
     fs::read(graphs("models/made_ar").join(name)).expect("a made texture")
 }
@@ -89,27 +82,27 @@ fn a_scene_and_the_files_it_names_change_while_it_is_played() {
     let mut live = Live::start(dir, &[&args[..], &["--report", "r.json"]].concat());
     live.says("plays on");
     std::thread::sleep(Duration::from_millis(2500));
-    replace(dir, "s.ron", table("0.2", RIGHT).as_bytes());
+    replace(dir, "s.ron", table("0.2", RIGHT));
     let said = live.says("s.ron changed: ");
     assert!(said.contains("`friction`"), "{said}");
-    replace(dir, "m.ron", &made("smooth.ron"));
+    replace(dir, "m.ron", made("smooth.ron"));
     let said = live.says("m.ron changed: ");
     assert!(said.contains("`autoregressive"), "{said}");
     // What is wrong leaves it playing, and says where it is wrong.
-    replace(dir, "s.ron", table("0.2", "stifness: ()").as_bytes());
+    replace(dir, "s.ron", table("0.2", "stifness: ()"));
     live.says("s.ron changed, and cannot be taken over:");
     let said = live.says("error: ");
     assert!(said.contains("`stifness`"), "{said}");
     live.says("the running graph goes on");
     replace(dir, "m.ron", b"Autoregressive(");
-    replace(dir, "s.ron", table("0.2", RIGHT).as_bytes());
+    replace(dir, "s.ron", table("0.2", RIGHT));
     live.says("m.ron");
     live.says("the running graph goes on");
     // An effect that nothing names any more goes, one that is new comes.
     let right = "stiffness: (stiffness_n_per_mm: 0.5), tap: (sinusoids: [(frequency_hz: 150, decay_ms: 20, \
                  gain: 20)])";
-    replace(dir, "m.ron", &made("smooth.ron"));
-    replace(dir, "s.ron", table("0.2", right).as_bytes());
+    replace(dir, "m.ron", made("smooth.ron"));
+    replace(dir, "s.ron", table("0.2", right));
     let said = live.says("changed: ");
     assert!(said.contains("tap") && said.contains("waveform"), "{said}");
     std::thread::sleep(Duration::from_millis(500));
@@ -128,14 +121,11 @@ fn calls(report: &Value, id: &str) -> u64 {
 
 #[test]
 fn a_pen_on_the_page_feels_a_scene() {
-    let _alone = real_time();
-    let Some(browser) = Chromium::start() else { return };
-    let mut kept = Some(browser);
-    told(|| felt_by_a_pen(&mut kept));
+    with_browser(felt_by_a_pen);
 }
 
 /// The shipped side_by_side, expanded to a graph so that what it sends can be recorded.
-fn felt_by_a_pen(kept: &mut Option<Chromium>) -> Result<(), String> {
+fn felt_by_a_pen(kept: &mut Kept) -> Result<(), String> {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let scene = fs::read_to_string(graphs("scenes/side_by_side.ron")).expect("a shipped scene");
@@ -150,19 +140,17 @@ fn felt_by_a_pen(kept: &mut Option<Chromium>) -> Result<(), String> {
     let more = ["--report", "r.json", "--set", "stylus.timeout_ms=2000"];
     let mut live = Live::start(dir, &[&args[..], &more].concat());
     let url = live.says("the page: ");
-    let mut pen = Pen::over(kept.take().expect("it was given back"), &url);
+    let mut pen = kept.pen(&url);
     pen.strokes(3.0, 120.0);
     pen.lifts();
     std::thread::sleep(Duration::from_millis(500));
-    let complaints = pen.browser.complaints();
-    pen.browser.open("about:blank");
-    *kept = Some(pen.browser);
+    assert_eq!(pen.browser.complaints(), Vec::<String>::new());
+    kept.take_back(pen);
     live.stop().ok();
-    assert_eq!(complaints, Vec::<String>::new());
     let report = json(&dir.join("r.json"));
     let ticks = report["ticks"].as_u64().unwrap_or(0);
     let (network, sent) = (calls(&report, "texture"), npy(&dir.join("sent.npy")));
-    let loudest = sent.chunks(2_400).map(rms).fold(0.0, f64::max);
+    let loudest = loudest(&sent);
     println!("{network} calls of the network in {ticks} ticks, rms {loudest:.4} at most");
     if network < 300 {
         return Err(format!("the pen did not move as it was told: {network} calls in {ticks} ticks"));

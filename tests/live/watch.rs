@@ -4,9 +4,11 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use harness::alone::{real_time, shared_stage, stage};
+use harness::alone::{beside_others, shared_stage};
 use harness::live::{Live, largest_step, npy};
 use harness::{json, plugins, wav};
+
+use crate::edits::replace;
 
 /// A slow wave of a plugin through a gain, in one file with the plugin beside it.
 fn graph(gain: &str, extra: &str) -> String {
@@ -18,22 +20,17 @@ fn graph(gain: &str, extra: &str) -> String {
     )
 }
 
-/// Puts a file in its place at once, as editors and linkers that mean well do.
-fn replace(dir: &Path, name: &str, write: impl FnOnce(&Path)) {
-    let new = dir.join(format!(".new {name}"));
-    write(&new);
-    fs::rename(new, dir.join(name)).unwrap();
-}
-
-fn told(to: &Path, amplitude: &str) {
-    let flag = format!("-DAMPLITUDE={amplitude}");
-    plugins::compile(&plugins::sources().join("told.c"), to, &[&flag]);
+/// Builds the plugin and puts it in its place at once.
+fn build(dir: &Path, flag: &str) {
+    let new = dir.join(".new");
+    plugins::compile(&plugins::sources().join("told.c"), &new, &[flag]);
+    fs::rename(new, dir.join("libtold.so")).unwrap();
 }
 
 #[test]
 fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
-    let dir = &*stage();
-    told(&dir.join("libtold.so"), "0.1f");
+    let dir = &*shared_stage();
+    build(dir, "-DAMPLITUDE=0.1f");
     fs::write(dir.join("g.ron"), graph("0.5", "")).unwrap();
     let args =
         "render g.ron --watch --limit-us 9000000 --seconds 600 --out o.wav --report r.json --plot p.svg";
@@ -44,7 +41,7 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
     // A live parameter, then a plugin that was built anew, then a new node in between.
     fs::write(dir.join("g.ron"), graph("1.0", "")).unwrap();
     playing.says("g.ron changed: `gain.gain` set to 1, 4 nodes kept");
-    replace(dir, "libtold.so", |to| told(to, "0.2f"));
+    build(dir, "-DAMPLITUDE=0.2f");
     playing.says("libtold.so changed: `wave` rebuilt");
     // What does not compile leaves the running graph alone and says why, with the place.
     let bad = graph("1.0", "").replace("(kind: \"gain\"", "(kind: \"gian\"");
@@ -56,10 +53,10 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
     fs::write(dir.join("g.ron"), graph("1.0", "")).unwrap();
     playing.says("g.ron changed: nothing that is heard");
     let kept = fs::read(dir.join("libtold.so")).unwrap();
-    replace(dir, "libtold.so", |to| fs::write(to, &kept[..kept.len() / 2]).unwrap());
+    replace(dir, "libtold.so", &kept[..kept.len() / 2]);
     playing.says("cannot be taken over:");
     playing.says("the running graph goes on");
-    replace(dir, "libtold.so", |to| fs::write(to, &kept).unwrap());
+    replace(dir, "libtold.so", &kept);
     playing.says("nothing that is heard");
     // What is written cannot change while it is.
     let other = graph("1.0", "").replace("\"out\"", "\"other\"");
@@ -90,11 +87,11 @@ fn a_graph_and_its_plugin_change_while_it_plays_without_a_click() {
 
 #[test]
 fn rebuilt_plugin_is_swapped_in_while_a_card_plays() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let trial = || {
         let dir = tempfile::tempdir().unwrap();
         let dir = dir.path();
-        told(&dir.join("libtold.so"), "0.1f");
+        build(dir, "-DAMPLITUDE=0.1f");
         let ear = "\"sent\": (kind: \"file_out\", params: (file: \"sent.npy\")),";
         let heard =
             graph("1.0", ear).replace("(\"guard\", \"out\")", "(\"guard\", \"out\"), (\"guard\", \"sent\")");
@@ -103,11 +100,11 @@ fn rebuilt_plugin_is_swapped_in_while_a_card_plays() {
         let mut live = Live::start(dir, &[&args[..], &["--report", "r.json"]].concat());
         live.says("plays on");
         std::thread::sleep(Duration::from_millis(500));
-        replace(dir, "libtold.so", |to| told(to, "-0.15f"));
+        build(dir, "-DAMPLITUDE=-0.15f");
         live.says("libtold.so changed: `wave` rebuilt");
         std::thread::sleep(Duration::from_millis(500));
         // What does not load leaves it playing.
-        replace(dir, "libtold.so", |to| fs::write(to, "no library").unwrap());
+        replace(dir, "libtold.so", "no library");
         live.says("the running graph goes on");
         std::thread::sleep(Duration::from_millis(200));
         live.stop().ok();
@@ -149,39 +146,26 @@ fn a_file_that_a_text_names_is_seen_to_change() {
     let args = "render g.ron --watch --limit-us 9000000 --seconds 600 --out o.wav";
     let mut playing = Live::command(dir, &args.split(' ').collect::<Vec<_>>());
     std::thread::sleep(Duration::from_millis(600));
-    replace(dir, "m.ron", |to| fs::write(to, made("smooth.ron")).unwrap());
+    replace(dir, "m.ron", made("smooth.ron"));
     playing.says("m.ron changed: `rub` rebuilt");
-    replace(dir, "m.ron", |to| fs::write(to, "Autoregressive(").unwrap());
+    replace(dir, "m.ron", "Autoregressive(");
     playing.says("cannot be taken over:");
     playing.says("the running graph goes on");
     assert_eq!(playing.stop().code, 130);
 }
 
 #[test]
-fn without_watch_a_graph_that_changes_is_left_as_it_was() {
-    let dir = &*shared_stage();
-    told(&dir.join("libtold.so"), "0.1f");
-    fs::write(dir.join("g.ron"), graph("0.5", "")).unwrap();
-    harness::run(dir, &["render", "g.ron", "--seconds", "1", "--report", "r.json"]).ok();
-    assert_eq!(json(&dir.join("r.json"))["swaps"].as_array().map(Vec::len), Some(0));
-}
-
-#[test]
 fn plugin_that_is_damaged_or_meddles_does_not_come_into_a_run() {
     let dir = &*shared_stage();
-    told(&dir.join("libtold.so"), "0.1f");
+    build(dir, "-DAMPLITUDE=0.1f");
     fs::write(dir.join("g.ron"), graph("1.0", "")).unwrap();
     let mut run = Live::start(dir, &["g.ron", "--watch", "--device", "simulated:frames=96"]);
     std::thread::sleep(Duration::from_millis(1500));
-    replace(dir, "libtold.so", |to| {
-        plugins::compile(&plugins::sources().join("told.c"), to, &["-DTRAP"]);
-    });
+    build(dir, "-DTRAP");
     run.says("tried in another process, this plugin crashed by signal");
-    replace(dir, "libtold.so", |to| {
-        plugins::compile(&plugins::sources().join("told.c"), to, &["-DHANDLER"]);
-    });
+    build(dir, "-DHANDLER");
     run.says("this plugin does not leave the process as it was: it changed the handler of signal 11");
-    replace(dir, "libtold.so", |to| told(to, "0.05f"));
+    build(dir, "-DAMPLITUDE=0.05f");
     run.says("its code was built anew");
     run.stop().ok();
 }

@@ -7,8 +7,8 @@ use std::sync::{Arc, OnceLock};
 use cpal::{InputCallbackInfo, OutputCallbackInfo};
 
 use crate::block::frames_ns;
+use crate::bounded::hush_alsa;
 use crate::format::DeviceSample;
-use crate::quiet::hush_alsa;
 use crate::{Block, Capture, Captured, Process, now_ns};
 
 /// Largest piece in samples; longer calls are filled in several pieces.
@@ -70,7 +70,6 @@ struct Line {
     counts: Arc<Counts>,
     /// Device channel (from 0) of each channel of the block.
     map: Vec<usize>,
-    /// Channels of the device.
     width: usize,
     /// Buffer for one piece of a block.
     scratch: Vec<f32>,
@@ -93,7 +92,6 @@ impl Line {
         self.counts.called(now, samples / self.width, latency_ns)
     }
 
-    /// Whether the stream must be silent.
     fn over(&self) -> bool {
         self.counts.over.load(Relaxed) || self.counts.panic.get().is_some()
     }

@@ -52,29 +52,20 @@ macro_rules! with_sample {
 }
 pub(crate) use with_sample;
 
-/// Sample format of a device.
+/// Sample format of a device: floats, signed and unsigned integers. 24 bits stand in four bytes.
+#[allow(missing_docs, reason = "the names say all")]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Format {
-    /// 32-bit float.
     F32,
-    /// 64-bit float.
     F64,
-    /// 8-bit signed.
     I8,
-    /// 16-bit signed.
     I16,
-    /// 24-bit signed in four bytes.
     I24,
-    /// 32-bit signed.
     I32,
-    /// 8-bit unsigned.
     U8,
-    /// 16-bit unsigned.
     U16,
-    /// 24-bit unsigned in four bytes.
     U24,
-    /// 32-bit unsigned.
     U32,
 }
 
@@ -94,19 +85,8 @@ impl Format {
     ];
 
     /// Name as a user types it: `f32`, `i16`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::F32 => "f32",
-            Self::F64 => "f64",
-            Self::I8 => "i8",
-            Self::I16 => "i16",
-            Self::I24 => "i24",
-            Self::I32 => "i32",
-            Self::U8 => "u8",
-            Self::U16 => "u16",
-            Self::U24 => "u24",
-            Self::U32 => "u32",
-        }
+    pub fn name(self) -> String {
+        self.to_cpal().to_string()
     }
 
     pub(crate) fn to_cpal(self) -> SampleFormat {
@@ -121,7 +101,7 @@ impl Format {
 
 impl std::fmt::Display for Format {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
+        self.to_cpal().fmt(f)
     }
 }
 

@@ -7,9 +7,8 @@ use serde::Serialize;
 
 use crate::Format;
 use crate::bounded::bounded;
-use crate::find::Side;
-use crate::hosts::{Listed, PATIENCE, is_mixer, list, names};
-use crate::plan::{abilities, jack_ports};
+use crate::hosts::{Listed, PATIENCE, Side, is_mixer, list, names};
+use crate::request::{abilities, jack_ports};
 
 /// Rates that devices are asked for [Hz].
 pub const RATES_HZ: [u32; 3] = [44_100, 48_000, 96_000];

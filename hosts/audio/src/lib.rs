@@ -2,18 +2,14 @@
 //!
 //! Only this crate sees cpal. It knows nothing of graphs: a device calls a [`Process`] for every block to
 //! play, and a [`Capture`] for every recorded block. [`hosts`] lists devices, [`open`] opens exactly the
-//! device of a [`Request`]. [`simulated`] is a sound card for
-//! those who have none.
+//! device of a [`Request`]. [`simulated`] is a sound card for those who have none.
 
 mod block;
 mod bounded;
 mod callback;
-mod find;
 mod format;
 mod hosts;
 mod info;
-mod plan;
-mod quiet;
 mod request;
 pub mod simulated;
 mod stream;

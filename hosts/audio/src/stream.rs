@@ -25,11 +25,9 @@ use ringbuf::traits::{Producer, Split};
 
 use crate::bounded::bounded;
 use crate::callback::{Counts, Filler, Gatherer};
-use crate::find::{Side, find};
 use crate::format::with_sample;
-use crate::hosts::{Listed, SIMULATED, is_mixer};
-use crate::plan::plan;
-use crate::request::{Cause, OpenError, Request};
+use crate::hosts::{Listed, SIMULATED, Side, find, is_mixer};
+use crate::request::{Cause, OpenError, Request, plan};
 use crate::watch::{CLOSING, Shared, Watched, call_roll, watch};
 use crate::{Capture, Process, now_ns};
 
@@ -77,7 +75,6 @@ struct Built {
     notes: Vec<String>,
 }
 
-/// The callback of one side.
 enum Work {
     Output(Box<dyn Process>),
     Input(Box<dyn Capture>),
@@ -143,7 +140,6 @@ fn find_input(request: &Request, output: &Listed) -> Result<Listed, OpenError> {
     }
 }
 
-/// Opens one side of a device.
 fn build(found: Listed, work: Work, request: &Request) -> Result<Built, OpenError> {
     let (host, device) = (found.host.clone(), found.full_id());
     let request = request.clone();

@@ -19,10 +19,10 @@ use ringbuf::HeapCons;
 use ringbuf::traits::Consumer;
 
 use crate::block::frames_ns;
+use crate::bounded::hush_alsa;
 use crate::callback::Counts;
 use crate::hosts::{Listed, host_id};
 use crate::now_ns;
-use crate::quiet::hush_alsa;
 
 /// Time between two looks.
 const PERIOD: Duration = Duration::from_millis(5);
@@ -53,11 +53,8 @@ pub(crate) struct Shared {
     pub(crate) streams: Mutex<Vec<cpal::Stream>>,
     /// Start of playing [ns]; 0 while it does not play.
     pub(crate) playing_since: AtomicU64,
-    /// The device that is gone.
     pub(crate) gone: OnceLock<String>,
-    /// Reason of the loss.
     pub(crate) lost: OnceLock<String>,
-    /// Whether the threads must end.
     pub(crate) done: AtomicBool,
     /// Whether the time between calls is watched: not on a simulated card that is called by hand.
     pub(crate) timed: bool,

@@ -187,7 +187,8 @@ fn channels(args: &DeviceArgs, outs: usize) -> Result<Vec<u16>, Failure> {
 
 fn format(text: &str) -> Result<Format, Failure> {
     Format::ALL.into_iter().find(|f| f.name() == text).ok_or_else(|| {
-        let help = one_of(text, Format::ALL.iter().map(|f| f.name()));
+        let names = Format::ALL.map(Format::name);
+        let help = one_of(text, names.iter().map(String::as_str));
         wrong("--device-format", format!("there is no sample format `{text}`"), help)
     })
 }

@@ -1,5 +1,6 @@
 //! A stylus on an arm that pushes back: its two nodes, its options, and the loop from position to force.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -11,8 +12,9 @@ use asperity_node::{
 };
 
 use crate::handle::Shared;
-use crate::node::{hand, pass_on};
+use crate::node::{PassOn, hand};
 use crate::servo::Servo;
+use crate::{HandDevice, Handle, Open};
 
 /// Time between two attempts to reach a lost device.
 pub(crate) const AGAIN: Duration = Duration::from_millis(500);
@@ -30,14 +32,6 @@ pub struct ArmOptions {
     pub axes: AxisMap,
     /// Largest force \[N\]; the device's own limit also applies.
     pub max_force_n: f64,
-}
-
-impl ArmOptions {
-    /// Reads an input node's parameters. `by`: the parameter for the service or library.
-    pub(crate) fn read(params: &Params, by: &str, max_force_n: f64) -> Result<Self, Diagnostic> {
-        let axes = AxisMap::parse(params.text("axes"))?;
-        Ok(Self { device: text(params, "device"), by: text(params, by), axes, max_force_n })
-    }
 }
 
 /// A text parameter, trimmed; `None` if it is empty.
@@ -106,37 +100,64 @@ impl ArmLoop {
     }
 }
 
-/// The nodes of an arm differ from those of other arms in this only.
-pub(crate) struct Kinds {
-    /// Kind, summary and own parameters of the input node.
-    pub(crate) input: Descriptor,
-    /// Kind and summary of the force node.
-    pub(crate) force: Descriptor,
-    /// Default largest force \[N\].
+/// A kind of arms. They differ in this only.
+pub(crate) struct Arm {
+    /// Kinds and summaries of the input node and the force node.
+    pub(crate) input: [&'static str; 2],
+    pub(crate) force: [&'static str; 2],
     pub(crate) max_force_n: f64,
     /// Doc of the parameter `device`: the name of the device, and the meaning of an empty one.
     pub(crate) device: &'static str,
-    /// Default axes.
+    /// The parameter with the service or the library: name, default, doc.
+    pub(crate) by: [&'static str; 3],
     pub(crate) axes: &'static str,
+    pub(crate) start: fn(ArmOptions, SampleWriter, Option<ForceReader>) -> Result<Handle, Diagnostic>,
+    pub(crate) excludes: fn(&Params, &Params) -> bool,
+    pub(crate) servo: [f64; 2],
 }
 
-impl Kinds {
+impl HandDevice for Arm {
+    fn input(&self) -> &'static str {
+        self.input[0]
+    }
+
+    fn force(&self) -> Option<&'static str> {
+        Some(self.force[0])
+    }
+
     /// Adds the node with the position of the stylus, and the one with the surface that the arm pushes back
     /// with. The parameter `device` joins them. The host gives the surface to the device's servo loop, which
     /// evaluates it at its own rate.
-    pub(crate) fn register(self, mut registry: Registry) -> Registry {
+    fn register(&self, mut registry: Registry) -> Registry {
         let axes = "Which of the device's axes are x, y and z here, z up: \"x,-z,y\".";
         let device = || Param::text("device", "", self.device);
-        let input = self.input.param(device()).param(Param::text("axes", self.axes, axes));
+        let ([input, summary], [by, usual, doc]) = (self.input, self.by);
+        let input = Descriptor::new(input, summary).param(Param::text(by, usual, doc));
+        let input = input.param(device()).param(Param::text("axes", self.axes, axes));
         let input = hand(input, (Unit::NEWTON, "the force that the device renders"));
-        let force = wall(self.force.param(device()), self.max_force_n);
-        registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn)))));
+        let force = Descriptor::new(self.force[0], self.force[1]).param(device());
+        let force = wall(force, self.max_force_n);
+        registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn(1.0))))));
         registry.add(Arc::new(NodeKind::new(force, |_| Ok(Prepared::new(Wall)))));
         registry
     }
+
+    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic> {
+        let axes = AxisMap::parse(params.text("axes"))?;
+        let (device, by) = (text(params, "device"), text(params, self.by[0]));
+        let (options, start) = (ArmOptions { device, by, axes, max_force_n }, self.start);
+        Ok(Box::new(move |writer, models| start(options, writer, models)))
+    }
+
+    fn excludes(&self, params: &Params, open: &Params, _address: Option<SocketAddr>) -> bool {
+        (self.excludes)(params, open)
+    }
+
+    fn servo(&self) -> [f64; 2] {
+        self.servo
+    }
 }
 
-/// Descriptor of a force node.
 fn wall(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
     let damping = Unit::NEWTON_SECOND_PER_METRE;
     let input = |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).doc(doc);
@@ -158,17 +179,6 @@ fn wall(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
         )
         .resumes(Resume::Never)
         .sink()
-}
-
-/// The processor of an input node.
-struct PassOn;
-
-impl Processor for PassOn {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        pass_on(tick)
-    }
-
-    fn reset(&mut self) {}
 }
 
 /// The processor of a force node: the host reads its inputs.

@@ -105,7 +105,6 @@ struct Text {
     /// Why the last unusable message was unusable.
     bad: String,
     problems: VecDeque<String>,
-    /// Current problem.
     now: Option<String>,
     max_stiffness_n_per_mm: Option<f64>,
     /// Usable and unusable messages as of the last [`Handle::problem`].
@@ -140,7 +139,6 @@ impl Text {
 }
 
 impl Shared {
-    /// Sends a sample and counts it.
     pub(crate) fn send(&self, writer: &mut SampleWriter, sample: Sample) {
         let counter = if writer.send(sample) { &self.samples } else { &self.lost };
         counter.fetch_add(1, Relaxed);
@@ -154,7 +152,6 @@ impl Shared {
         self.text.lock().max_stiffness_n_per_mm = n_per_mm;
     }
 
-    /// Counts an unusable message.
     pub(crate) fn bad(&self, why: String) {
         self.bad.fetch_add(1, Relaxed);
         self.text.lock().bad = why;

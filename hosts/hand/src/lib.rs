@@ -13,7 +13,6 @@ pub mod haply;
 mod node;
 pub mod openhaptics;
 pub mod osc;
-mod pointer;
 pub mod servo;
 
 use std::net::SocketAddr;
@@ -60,11 +59,11 @@ pub trait HandDevice: Sync {
 }
 
 /// All hand devices.
-pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::OpenHaptics, &haply::Haply];
+pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::ARM, &haply::ARM];
 
 /// Adds the node kinds of all devices, and `pointer_input`, which the live page feeds.
 pub fn register(registry: Registry) -> Registry {
-    DEVICES.iter().fold(registry.with::<pointer::PointerInput>(), |all, device| device.register(all))
+    DEVICES.iter().fold(registry.with::<node::PointerInput>(), |all, device| device.register(all))
 }
 
 /// The device of an input or force node, by the node's kind; `None` for `pointer_input`.

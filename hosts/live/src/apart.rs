@@ -43,31 +43,8 @@ pub fn apart(kind: Arc<NodeKind>, priority: Option<i32>) -> Arc<NodeKind> {
     }))
 }
 
-/// Call to the thread. Inputs, outputs and bytes lie on the desk.
-enum Call {
-    Process,
-    Wants,
-    Absorb,
-    Reset,
-    Elapsed(u64),
-    SetParameter(usize, f64),
-    Warm(f64),
-    StateSize,
-    Save(usize),
-    Restore,
-    Facts,
-    End,
-}
-
-/// Answer of the thread.
-enum Answer {
-    Status(Status),
-    Flag(bool),
-    Done,
-    Size(usize),
-    Saved(Option<usize>),
-    Facts(Vec<Fact>),
-}
+/// A call on the thread. Its arguments and answers lie on the desk.
+type Job = fn(&mut dyn Processor, &mut Desk) -> Result<(), Fault>;
 
 /// Data that both threads use in turn.
 struct Desk {
@@ -78,6 +55,12 @@ struct Desk {
     map: Vec<InputRef>,
     outputs: Vec<Buffer>,
     bytes: Vec<u8>,
+    /// Numbers that go in: ticks or an index, a value. `count` and `flag` also come back.
+    count: usize,
+    value: f64,
+    flag: bool,
+    status: Status,
+    facts: Vec<Fact>,
 }
 
 impl Desk {
@@ -89,11 +72,22 @@ impl Desk {
         Self::over(setup.inputs.iter().map(make).collect(), setup.outputs.iter().map(make).collect())
     }
 
-    /// One with these inputs and outputs.
     fn over(mut inputs: Vec<Buffer>, outputs: Vec<Buffer>) -> Self {
         let map = vec![InputRef { buffer: 0, connected: false }; inputs.len()];
         inputs.push(Buffer::constant(0, 0.0));
-        Self { index: 0, tick_hz: 0, inputs, map, outputs, bytes: Vec::new() }
+        Self {
+            index: 0,
+            tick_hz: 0,
+            inputs,
+            map,
+            outputs,
+            bytes: Vec::new(),
+            count: 0,
+            value: 0.0,
+            flag: false,
+            status: Status::Continue,
+            facts: Vec::new(),
+        }
     }
 
     /// Takes a tick's inputs. Allocates nothing.
@@ -116,7 +110,6 @@ impl Desk {
         }
     }
 
-    /// Swaps them back.
     fn give_back(&mut self, tick: &mut Tick<'_>) {
         self.outputs.iter_mut().zip(tick.outputs.buffers()).for_each(|(a, b)| std::mem::swap(a, b));
     }
@@ -129,8 +122,9 @@ impl Desk {
     }
 }
 
-type Called = (Call, Desk);
-type Answered = (Result<Answer, Fault>, Desk);
+/// A job, or the end of the node.
+type Called = (Option<Job>, Desk);
+type Answered = (Result<(), Fault>, Desk);
 
 /// A node whose calls run on a thread of its own.
 struct Apart {
@@ -139,7 +133,6 @@ struct Apart {
     answers: HeapCons<Answered>,
     /// `None` while the thread works on it, and once it is abandoned.
     desk: Option<Desk>,
-    /// Fault of the last call.
     fault: Option<Fault>,
 }
 
@@ -152,24 +145,18 @@ impl Apart {
         Ok(Self { thread: thread.thread().clone(), calls, answers, desk: Some(desk), fault: None })
     }
 
-    /// Runs a call on the thread; `before` and `after` access the desk. An abandoned thread answers
-    /// [`Fault::Stuck`].
-    fn ask<T>(
-        &mut self,
-        call: Call,
-        before: impl FnOnce(&mut Desk),
-        after: impl FnOnce(Answer, &mut Desk) -> T,
-    ) -> Result<T, Fault> {
+    /// Runs a call on the thread, and returns the desk. An abandoned thread answers [`Fault::Stuck`].
+    fn ask(&mut self, before: impl FnOnce(&mut Desk), job: Option<Job>) -> Result<&mut Desk, Fault> {
         let mut desk = self.desk.take().ok_or(Fault::Stuck)?;
         before(&mut desk);
         // There is room: the call before is answered.
-        let _ = self.calls.try_push((call, desk));
+        let _ = self.calls.try_push((job, desk));
         self.thread.unpark();
         let begun = Instant::now();
         loop {
             if let Some((answer, desk)) = self.answers.try_pop() {
                 let desk = self.desk.insert(desk);
-                return answer.map(|answer| after(answer, desk));
+                return answer.map(|()| desk);
             }
             match begun.elapsed() {
                 waited if waited > PATIENCE => return Err(Fault::Stuck),
@@ -179,16 +166,17 @@ impl Apart {
         }
     }
 
-    /// Runs a call without answer. A fault is kept for [`Processor::fault`].
-    fn tell(&mut self, call: Call, before: impl FnOnce(&mut Desk)) {
-        self.fault = self.ask(call, before, |_, _| {}).err();
+    /// Runs a call; a fault is kept for [`Processor::fault`], and the desk is returned without one.
+    fn tell(&mut self, before: impl FnOnce(&mut Desk), job: Job) -> Option<&mut Desk> {
+        self.fault = self.ask(before, Some(job)).err();
+        self.desk.as_mut().filter(|_| self.fault.is_none())
     }
 }
 
 impl Drop for Apart {
     /// The thread drops the node; if that does not return, the thread is abandoned too.
     fn drop(&mut self) {
-        let _ = self.ask(Call::End, |_| {}, |_, _| {});
+        let _ = self.ask(|_| {}, None);
     }
 }
 
@@ -196,62 +184,31 @@ impl Drop for Apart {
 fn work(
     mut calls: HeapCons<Called>,
     mut answers: HeapProd<Answered>,
-    node: Box<dyn Processor>,
+    mut node: Box<dyn Processor>,
     priority: Option<i32>,
 ) {
-    let mut node = Some(node);
     // As on the thread that ticks.
     let _flushed = Flushed::new();
     if let Some(priority) = priority {
         ask_priority(priority);
     }
     while calls.write_is_held() || !calls.is_empty() {
-        let Some((call, mut desk)) = calls.try_pop() else {
+        let Some((job, mut desk)) = calls.try_pop() else {
             std::thread::park_timeout(IDLE);
             continue;
         };
-        let answer = contain(|| match (call, &mut node) {
-            (Call::End, _) | (_, None) => {
-                drop(node.take());
-                Ok(Answer::Done)
-            }
-            (call, Some(node)) => answer(&mut **node, call, &mut desk),
-        });
-        let _ = answers.try_push((answer, desk));
-        if node.is_none() {
+        let Some(job) = job else {
+            let answer = contain(|| Ok(drop(node)));
+            let _ = answers.try_push((answer, desk));
             return;
-        }
+        };
+        let answer = contain(|| job(&mut *node, &mut desk));
+        let _ = answers.try_push((answer, desk));
     }
 }
 
-fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answer, Fault> {
-    Ok(match call {
-        Call::Process => Answer::Status(desk.tick(|tick| node.run(tick))?),
-        Call::Wants => Answer::Flag(desk.tick(|tick| node.ask(|n| n.wants(tick)))?),
-        Call::Absorb => desk.tick(|tick| node.ask(|n| n.absorb(tick))).map(|()| Answer::Done)?,
-        Call::Reset => node.ask(|n| n.reset()).map(|()| Answer::Done)?,
-        Call::Elapsed(ticks) => node.ask(|n| n.elapsed(ticks)).map(|()| Answer::Done)?,
-        Call::SetParameter(index, value) => {
-            node.ask(|n| n.set_parameter(index, value)).map(|()| Answer::Done)?
-        }
-        Call::Warm(heat) => node.ask(|n| n.warm(heat)).map(|()| Answer::Done)?,
-        Call::StateSize => {
-            let size = node.state_size();
-            desk.bytes.reserve(size);
-            Answer::Size(size)
-        }
-        Call::Save(room) => {
-            desk.bytes.resize(room, 0);
-            Answer::Saved(node.save(&mut desk.bytes))
-        }
-        Call::Restore => Answer::Flag(node.restore(&desk.bytes)),
-        Call::Facts => Answer::Facts(node.facts()),
-        Call::End => Answer::Done,
-    })
-}
-
 /// Runs foreign code. After a panic the engine restarts the node, or stops calling it.
-fn contain<T>(f: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+fn contain(f: impl FnOnce() -> Result<(), Fault>) -> Result<(), Fault> {
     catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| {
         // It may panic itself when it is dropped.
         std::mem::forget(payload);
@@ -267,56 +224,66 @@ impl Processor for Apart {
             desk.take(tick);
             desk.lend(tick);
         };
-        let answer = self.ask(Call::Process, before, |answer, _| answer);
+        let run: Job = |node, desk| {
+            desk.status = desk.tick(|tick| node.run(tick))?;
+            Ok(())
+        };
+        let status = self.tell(before, run).map(|desk| desk.status);
         // In any case. Buffers that an abandoned thread keeps are copied in the engine.
         if let Some(desk) = &mut self.desk {
             desk.give_back(tick);
         }
-        self.fault = answer.as_ref().err().copied();
-        match answer {
-            Ok(Answer::Status(status)) => status,
-            _ => Status::Error(u32::MAX),
-        }
+        status.unwrap_or(Status::Error(u32::MAX))
     }
 
     fn reset(&mut self) {
-        self.tell(Call::Reset, |_| {});
+        self.tell(|_| {}, |node, _| node.ask(|n| n.reset()));
     }
 
     fn wants(&mut self, tick: &mut Tick<'_>) -> bool {
-        let answer = self.ask(Call::Wants, |desk| desk.take(tick), |answer, _| answer);
-        self.fault = answer.as_ref().err().copied();
-        matches!(answer, Ok(Answer::Flag(true)))
+        let wants: Job = |node, desk| {
+            desk.flag = desk.tick(|tick| node.ask(|n| n.wants(tick)))?;
+            Ok(())
+        };
+        self.tell(|desk| desk.take(tick), wants).is_some_and(|desk| desk.flag)
     }
 
     fn absorb(&mut self, tick: &mut Tick<'_>) {
-        self.tell(Call::Absorb, |desk| desk.take(tick));
+        let absorb: Job = |node, desk| desk.tick(|tick| node.ask(|n| n.absorb(tick)));
+        self.tell(|desk| desk.take(tick), absorb);
     }
 
     fn elapsed(&mut self, ticks: u64) {
-        self.tell(Call::Elapsed(ticks), |_| {});
+        let elapsed: Job = |node, desk| node.ask(|n| n.elapsed(desk.count as u64));
+        self.tell(|desk| desk.count = ticks as usize, elapsed);
     }
 
     fn set_parameter(&mut self, index: usize, value: f64) {
-        self.tell(Call::SetParameter(index, value), |_| {});
+        let set: Job = |node, desk| node.ask(|n| n.set_parameter(desk.count, desk.value));
+        self.tell(|desk| (desk.count, desk.value) = (index, value), set);
     }
 
     fn state(&mut self, state: &mut State<'_>) {
         let it = RefCell::new(self);
-        let size = || match it.borrow_mut().ask(Call::StateSize, |_| {}, |answer, _| answer) {
-            Ok(Answer::Size(size)) => size,
-            _ => 0,
+        let size = || {
+            let size: Job = |node, desk| {
+                desk.count = node.state_size();
+                desk.bytes.reserve(desk.count);
+                Ok(())
+            };
+            it.borrow_mut().ask(|_| {}, Some(size)).map_or(0, |desk| desk.count)
         };
         let save = |bytes: &mut [u8]| {
-            let room = bytes.len();
-            let after = |answer, desk: &mut Desk| match answer {
-                Answer::Saved(Some(len)) => {
-                    bytes.get_mut(..len)?.copy_from_slice(desk.bytes.get(..len)?);
-                    Some(len)
-                }
-                _ => None,
+            let save: Job = |node, desk| {
+                desk.bytes.resize(desk.count, 0);
+                let saved = node.save(&mut desk.bytes);
+                (desk.flag, desk.count) = (saved.is_some(), saved.unwrap_or(0));
+                Ok(())
             };
-            it.borrow_mut().ask(Call::Save(room), |_| {}, after).ok().flatten()
+            let mut it = it.borrow_mut();
+            let desk = it.ask(|desk| desk.count = bytes.len(), Some(save)).ok().filter(|desk| desk.flag)?;
+            bytes.get_mut(..desk.count)?.copy_from_slice(desk.bytes.get(..desk.count)?);
+            Some(desk.count)
         };
         let restore = |bytes: &[u8]| {
             let before = |desk: &mut Desk| {
@@ -324,22 +291,25 @@ impl Processor for Apart {
                 desk.bytes.clear();
                 desk.bytes.extend_from_slice(bytes);
             };
-            it.borrow_mut()
-                .ask(Call::Restore, before, |answer, _| matches!(answer, Answer::Flag(true)))
-                .unwrap_or(false)
+            let restore: Job = |node, desk| {
+                desk.flag = node.restore(&desk.bytes);
+                Ok(())
+            };
+            it.borrow_mut().ask(before, Some(restore)).is_ok_and(|desk| desk.flag)
         };
         state.opaque(size, save, restore);
     }
 
     fn facts(&mut self) -> Vec<Fact> {
-        match self.ask(Call::Facts, |_| {}, |answer, _| answer) {
-            Ok(Answer::Facts(facts)) => facts,
-            _ => Vec::new(),
-        }
+        let facts: Job = |node, desk| {
+            desk.facts = node.facts();
+            Ok(())
+        };
+        self.ask(|_| {}, Some(facts)).map(|desk| std::mem::take(&mut desk.facts)).unwrap_or_default()
     }
 
     fn warm(&mut self, heat: f64) {
-        self.tell(Call::Warm(heat), |_| {});
+        self.tell(|desk| desk.value = heat, |node, desk| node.ask(|n| n.warm(desk.value)));
     }
 
     fn fault(&mut self) -> Option<Fault> {

@@ -5,15 +5,11 @@
 //! time of a callback; a part of the error goes into the slope until the next one, a smaller part into the
 //! rate. Time is a continuous line over frames, so points spaced evenly in frames are spaced evenly in
 //! time. The loop starts wide, to find the rate, and narrows to [`BANDWIDTH_HZ`].
-//!
-//! Measured (tests below): 1024 frames at 48 kHz, callbacks 0 to 0.5 ms late at random, a rate 0.5 % off.
-//! After 5 s, points 2 ms apart are within 0.5 us of that at p99.
 
 use std::f64::consts::{SQRT_2, TAU};
 
 /// Final bandwidth of the loop.
 pub const BANDWIDTH_HZ: f64 = 0.1;
-/// Bandwidth at the start.
 const WIDE_HZ: f64 = 2.0;
 /// Callbacks within this share of the time they span belong to the wake-up before: a server calls in
 /// bunches.

@@ -15,7 +15,7 @@ use ringbuf::{HeapCons, HeapProd, HeapRb};
 use crate::layout::{layout, scopes};
 use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
 use crate::player::{Hand, MicReader, NodeMeters, Player, Scope, TapeReader, Wiring, tape};
-use crate::timeline::{Delay, Timeline};
+use crate::timeline::Timeline;
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
 
@@ -51,7 +51,6 @@ struct Sent {
     forces: HashMap<String, Arc<Mutex<ForceWriter>>>,
     scopes: Vec<HeapCons<f32>>,
     layout: Layout,
-    /// Recordings of its sinks.
     tapes: Vec<Tape>,
     /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
     channels: Vec<String>,
@@ -73,7 +72,6 @@ pub struct GraphController {
     lost: u64,
 }
 
-/// Recording of one sink of one graph.
 struct Tape {
     sink: String,
     graph: u64,
@@ -326,8 +324,10 @@ fn wire(
         let source = match was {
             Some(was) if queue.is_none() && same(node) => was.clone(),
             _ => {
-                let (delay, timeout_ns) = timing(&node.params);
-                let timeline = queue.map(|reader| Mutex::new(Timeline::new(reader, delay, timeout_ns)));
+                let ns = |ms: f64| (ms * 1e6) as u64;
+                let delay_ns = node.params.get_number("delay_ms").map(ns);
+                let timeout_ns = ns(node.params.number("timeout_ms"));
+                let timeline = queue.map(|reader| Mutex::new(Timeline::new(reader, delay_ns, timeout_ns)));
                 let earlier = was.map(Source::counts).unwrap_or_default();
                 let hand = Arc::new(Hand { timeline, ..Hand::default() });
                 Source { id: node.id.clone(), hand, earlier, samples: earlier[0], per_s: 0.0 }
@@ -415,13 +415,6 @@ fn kept_in_place(was: &[String], are: &[String]) -> Vec<String> {
     let mut new = are.iter().filter(|id| !was.contains(id));
     let keep = |id: &String| if are.contains(id) { Some(id.clone()) } else { new.next().cloned() };
     was.iter().filter_map(keep).collect()
-}
-
-/// Reading delay and timeout of a source [ns].
-fn timing(params: &Params) -> (Delay, u64) {
-    let ns = |ms: f64| (ms * 1e6) as u64;
-    let delay = params.get_number("delay_ms").map_or(Delay::Auto, |ms| Delay::Fixed(ns(ms)));
-    (delay, ns(params.number("timeout_ms")))
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
-//! The layout of a graph for a person.
+//! A graph for a person: its layout, and its latency from the hand to the actuator.
 
 use asperity_graph::{GraphFile, LiveParam, Schedule, ScheduledNode};
-use asperity_node::{ParamKind, ParamValue, PortType, Shape, Unit};
+use asperity_node::{Latency, ParamKind, ParamValue, PortType, Role, Shape, Unit};
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
 
@@ -104,9 +104,8 @@ fn live(param: &LiveParam, value: &ParamValue) -> Option<LiveLayout> {
     })
 }
 
-/// Useful slider range of a value: up to about four times the value. A gain may reach a million, and a
-/// slider over all of it
-/// would step by two thousand. `None` if the whole range is not much wider, or is used by factors.
+/// Useful slider range of a value: up to about four times the value. `None` if the whole range is not much
+/// wider, or is used by factors.
 fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
     const FACTORS: f64 = 100.0;
     if least > 0.0 && most / least > FACTORS {
@@ -119,6 +118,40 @@ fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
     let high = if value < 0.0 { 0.0 } else { far };
     let part = [low.max(least), high.min(most)];
     (most - least > 4.0 * (part[1] - part[0])).then_some(part)
+}
+
+/// Nodes on the path of most delay to an audio output, each with its milliseconds.
+///
+/// A latency is the time from a position of the hand to the sound of its sample. The response lag of a
+/// texture to a change of speed is another figure: its windows reach into the past, and the latencies that
+/// nodes declare balance this with samples that they emit early. So only nodes that delay samples count
+/// here.
+pub(crate) fn latency(schedule: &Schedule) -> Vec<(String, f64)> {
+    let late = |i: usize| schedule.nodes[i].latency.max(Latency::ZERO).ms();
+    // Nodes are in the order they run. A wire that closes a cycle carries the value of the tick before, and
+    // is left out.
+    let mut sums = vec![0.0; schedule.nodes.len()];
+    let mut before = vec![None; schedule.nodes.len()];
+    for (i, node) in schedule.nodes.iter().enumerate() {
+        let sources = node.inputs.iter().filter_map(|input| Some(input.from?.0)).filter(|&from| from < i);
+        before[i] = sources.max_by(|&a: &usize, &b: &usize| f64::total_cmp(&sums[a], &sums[b]));
+        sums[i] = before[i].map_or(0.0, |from: usize| sums[from]) + late(i);
+    }
+    let sinks = schedule.with_role(Role::AudioOutput).map(|(i, _)| i);
+    let Some(mut at) = sinks.max_by(|&a, &b| f64::total_cmp(&sums[a], &sums[b])) else { return Vec::new() };
+    let mut items = Vec::new();
+    loop {
+        if late(at) > 0.0 {
+            let node = &schedule.nodes[at];
+            items.push((format!("graph: `{}` ({})", node.id, node.kind), late(at)));
+        }
+        match before[at] {
+            Some(from) => at = from,
+            None => break,
+        }
+    }
+    items.reverse();
+    items
 }
 
 #[cfg(test)]

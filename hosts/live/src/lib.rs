@@ -21,9 +21,7 @@ macro_rules! opaque_debug {
 mod apart;
 mod dll;
 pub mod driver;
-mod force;
 mod graph_controller;
-mod latency;
 mod layout;
 mod meters;
 mod output_limits;
@@ -40,7 +38,6 @@ pub mod view;
 pub use apart::apart;
 pub use asperity_audio::now_ns;
 pub use dll::{BANDWIDTH_HZ, Dll, Heard, Line};
-pub use force::{ForceModel, ForceReader, ForceWriter, force_model};
 pub use graph_controller::{
     DOES_NOT_COME_BACK, DeviceQueues, GraphController, Recorded, needs_queues, prepare_live,
 };
@@ -50,6 +47,8 @@ pub use player::{Listener, MicReader, MicWriter, Player, TapeReader, mic, place}
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::{Order, RemoteClock};
 pub use run_control::{RunControl, Unheard};
-pub use sample::{QUEUE, Sample, SampleReader, SampleWriter, samples};
+pub use sample::{
+    ForceModel, ForceReader, ForceWriter, QUEUE, Sample, SampleReader, SampleWriter, force_model, samples,
+};
 pub use session::{CoilMonitor, Ended, Opened, Session, SessionError, SessionOptions, StartValues};
-pub use timeline::{Delay, MOST_DELAY_NS, Reading, Seen, TIMEOUT_NS, Timeline};
+pub use timeline::{Reading, Seen, Timeline};

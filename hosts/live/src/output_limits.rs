@@ -17,7 +17,6 @@ pub struct OutputLimits {
     changed: u64,
 }
 
-/// One channel of a device.
 struct Channel {
     guard: Box<dyn Guard>,
     /// The drive at full scale \[A or V\].
@@ -127,7 +126,6 @@ pub struct DeviceLimits {
 /// Figures of the limits for other threads.
 #[derive(Debug, Default)]
 pub(crate) struct Seen {
-    /// Bits of each channel's heat.
     heat: Vec<AtomicU64>,
     changed: AtomicU64,
 }

@@ -60,7 +60,6 @@ pub struct Ramp {
     held: f64,
     /// Last frame before the break, one value a channel.
     last: Vec<f32>,
-    /// Last frame of the output.
     out: Vec<f32>,
 }
 

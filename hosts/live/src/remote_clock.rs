@@ -41,9 +41,6 @@ pub enum Order {
 /// - A single message more than 1 s old restarts the mapping, and so does the next.
 /// - A clock set back by more than 1 s is followed at once; by 0.1 to 1 s after 0.25 s and four messages;
 ///   by less within 5 s. Until then its messages count as sent too early.
-///
-/// With 250 messages a second that are 0 to 8 ms late, the rms error is 0.11 ms without drift, 0.15 ms at
-/// 100 ppm fast and 0.04 ms at 100 ppm slow.
 #[derive(Clone, Debug)]
 pub struct RemoteClock {
     /// The least arrival minus sending of each bucket, the newest first; `i64::MAX` for none.
@@ -60,7 +57,6 @@ struct Odd {
     count: u32,
     since_ns: u64,
     larger: bool,
-    /// Least of their differences.
     least: i64,
 }
 
@@ -107,9 +103,8 @@ impl RemoteClock {
         if late { Order::Late } else { Order::Next }
     }
 
-    /// Our time of `at_s` seconds of the other clock, by the messages so far: never later than its arrival
-    /// `arrived_ns`, which is
-    /// also the result if nothing is known, or if the time is not finite or beyond 290 years.
+    /// Our time of `at_s` seconds of the other clock, by the messages so far: never later than its arrival,
+    /// which is also the result if nothing is known, or if the time is not finite or beyond 290 years.
     pub fn time_ns(&self, at_s: f64, arrived_ns: u64) -> u64 {
         let (Some((at, arrived)), Some(offset)) = (whole(at_s, arrived_ns), self.offset()) else {
             return arrived_ns;
@@ -117,7 +112,6 @@ impl RemoteClock {
         at.saturating_add(offset).clamp(0, arrived) as u64
     }
 
-    /// Our clock minus the other.
     fn offset(&self) -> Option<i64> {
         let known = self.least.iter().zip(0_i64..).filter(|(least, _)| **least < i64::MAX);
         known.map(|(least, age)| least.saturating_add(age * CREEP_NS)).min()
@@ -152,7 +146,6 @@ impl RemoteClock {
     }
 }
 
-/// Both times in whole nanoseconds.
 fn whole(sent_s: f64, arrived_ns: u64) -> Option<(i64, i64)> {
     let sent = sent_s * 1e9;
     let fits = sent.is_finite() && sent.abs() < 9.2e18;

@@ -33,6 +33,12 @@ pub enum Unheard {
     Over,
 }
 
+impl std::fmt::Display for Unheard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(if *self == Self::Busy { "The run is busy. Try again." } else { "The run has ended." })
+    }
+}
+
 impl RunControl {
     /// Control of a run that is not muted. The flag stops it too; a signal handler may set it.
     pub fn stopped_by(flag: Arc<AtomicBool>) -> Self {

@@ -8,26 +8,14 @@ use std::collections::VecDeque;
 
 use crate::sample::{Sample, SampleReader};
 
-/// Longest reading delay [ns].
-pub const MOST_DELAY_NS: u64 = 30_000_000;
-/// Timeout of a source that declares none [ns].
-pub const TIMEOUT_NS: u64 = 50_000_000;
+/// Longest reading delay that follows lateness [ns].
+const MOST_DELAY_NS: u64 = 30_000_000;
 /// Fastest change of the delay, as a share of time. It distorts speeds by as much.
 const SLEW: f64 = 0.02;
 /// Time constant with which a need for delay decays [s].
 const FORGET_S: f64 = 3.0;
 /// Samples kept: 30 ms at 17 kHz.
 const KEPT: usize = 512;
-
-/// Reading delay.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Delay {
-    /// Fixed [ns].
-    Fixed(u64),
-    /// Follows the lateness of samples plus one sample's distance: the maximum of the last seconds, 30 ms
-    /// at most.
-    Auto,
-}
 
 /// State of the hand at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,7 +49,7 @@ pub struct Seen {
 pub struct Timeline {
     from: SampleReader,
     kept: VecDeque<Sample>,
-    delay: Delay,
+    fixed: bool,
     timeout_ns: u64,
     /// Current delay, and the delay that samples need [ns].
     delay_ns: f64,
@@ -72,23 +60,24 @@ pub struct Timeline {
     /// Time of the last call, and the time it read [ns].
     last_ns: u64,
     read_ns: u64,
-    /// Strokes ended by a stall.
     broken: u32,
     stalled: bool,
     seen: Seen,
 }
 
 impl Timeline {
-    /// Reads a source. `timeout_ns`: longest silence of a live source; a source at rest repeats itself.
-    pub fn new(from: SampleReader, delay: Delay, timeout_ns: u64) -> Self {
-        let fixed = if let Delay::Fixed(ns) = delay { ns as f64 } else { 0.0 };
+    /// Reads a source with a fixed delay [ns]; or else it follows the lateness of samples plus one sample's
+    /// distance: the maximum of the last seconds, 30 ms at most. `timeout_ns`: longest silence of a live
+    /// source; a source at rest repeats itself.
+    pub fn new(from: SampleReader, delay_ns: Option<u64>, timeout_ns: u64) -> Self {
+        let ns = delay_ns.unwrap_or(0) as f64;
         Self {
             from,
             kept: VecDeque::with_capacity(KEPT),
-            delay,
+            fixed: delay_ns.is_some(),
             timeout_ns,
-            delay_ns: fixed,
-            need_ns: fixed,
+            delay_ns: ns,
+            need_ns: ns,
             newest_ns: 0,
             arrived_ns: 0,
             last_ns: 0,
@@ -164,7 +153,7 @@ impl Timeline {
     }
 
     fn slew(&mut self, passed_ns: f64) {
-        if self.delay != Delay::Auto {
+        if self.fixed {
             return;
         }
         let most = SLEW * passed_ns;

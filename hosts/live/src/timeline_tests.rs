@@ -4,9 +4,9 @@ use asperity_node::random::uniform;
 
 const MS: u64 = 1_000_000;
 
-fn timeline(delay: Delay) -> (SampleWriter, Timeline) {
+fn timeline(delay_ns: Option<u64>) -> (SampleWriter, Timeline) {
     let (to, from) = samples();
-    (to, Timeline::new(from, delay, TIMEOUT_NS))
+    (to, Timeline::new(from, delay_ns, 50 * MS))
 }
 
 fn sample(time_ns: u64, arrived_ns: u64, x: f64) -> Sample {
@@ -33,7 +33,7 @@ fn run(
 
 #[test]
 fn steady_motion_is_read_one_delay_ago() {
-    let (mut to, mut line) = timeline(Delay::Fixed(10 * MS));
+    let (mut to, mut line) = timeline(Some(10 * MS));
     // 250 Hz, 3 ms late, 100 mm/s.
     let all: Vec<_> = (0..250).map(|i| sample(i * 4 * MS, i * 4 * MS + 3 * MS, i as f64 * 0.4)).collect();
     for (t, reading) in run(&mut to, &mut line, &all, 15..1000) {
@@ -47,7 +47,7 @@ fn steady_motion_is_read_one_delay_ago() {
 
 #[test]
 fn auto_delay_changes_speed_by_at_most_2_percent() {
-    let (mut to, mut line) = timeline(Delay::Auto);
+    let (mut to, mut line) = timeline(None);
     // 250 Hz, 1 ms late, then 6 to 9 ms late for 2 s, then 1 ms again; 100 mm/s.
     let late = |i: u64| if (500..1000).contains(&i) { 6 * MS + (uniform(1, i) * 3e6) as u64 } else { MS };
     let mut all: Vec<_> =
@@ -70,7 +70,7 @@ fn auto_delay_changes_speed_by_at_most_2_percent() {
 
 #[test]
 fn position_is_held_between_strokes_and_at_the_end() {
-    let (mut to, mut line) = timeline(Delay::Fixed(5 * MS));
+    let (mut to, mut line) = timeline(Some(5 * MS));
     let mut all: Vec<_> = (1..=10).map(|i| sample(i * 2 * MS, i * 2 * MS, i as f64)).collect();
     // The hand is put down elsewhere 40 ms later.
     all.push(Sample { stroke: 1, ..sample(60 * MS, 60 * MS, 500.0) });
@@ -89,7 +89,7 @@ fn position_is_held_between_strokes_and_at_the_end() {
 
 #[test]
 fn sample_after_a_pause_does_not_jump() {
-    let (mut to, mut line) = timeline(Delay::Fixed(8 * MS));
+    let (mut to, mut line) = timeline(Some(8 * MS));
     // At rest without a word for 40 ms, then 100 mm/s at 250 Hz.
     let mut all = vec![sample(10 * MS, 10 * MS, 0.0)];
     all.extend((1..20).map(|i| sample((46 + i * 4) * MS, (46 + i * 4) * MS, i as f64 * 0.4)));
@@ -102,7 +102,7 @@ fn sample_after_a_pause_does_not_jump() {
 
 #[test]
 fn stall_counts_once_and_ends_with_a_new_stroke() {
-    let (mut to, mut line) = timeline(Delay::Auto);
+    let (mut to, mut line) = timeline(None);
     assert!(line.at(0).stalled);
     let mut all: Vec<_> = (1..=50).map(|i| sample(i * 4 * MS, i * 4 * MS + MS, i as f64)).collect();
     all.extend((0..10).map(|i| sample((500 + i * 4) * MS, (501 + i * 4) * MS, 900.0 + i as f64)));
@@ -121,7 +121,7 @@ fn stall_counts_once_and_ends_with_a_new_stroke() {
 
 #[test]
 fn hand_at_rest_neither_stalls_nor_adds_delay() {
-    let (mut to, mut line) = timeline(Delay::Auto);
+    let (mut to, mut line) = timeline(None);
     let mut all: Vec<_> = (1..=100).map(|i| sample(i * 4 * MS, i * 4 * MS, i as f64)).collect();
     all.extend((1..=40).map(|i| sample((400 + i * 25) * MS, (400 + i * 25) * MS, 100.0)));
     run(&mut to, &mut line, &all, 1..1_400);
@@ -131,7 +131,7 @@ fn hand_at_rest_neither_stalls_nor_adds_delay() {
 
 #[test]
 fn disordered_and_future_samples_are_clamped() {
-    let (mut to, mut line) = timeline(Delay::Fixed(10 * MS));
+    let (mut to, mut line) = timeline(Some(10 * MS));
     let all = [
         sample(10 * MS, 12 * MS, 1.0),
         sample(14 * MS, 14 * MS, 2.0),

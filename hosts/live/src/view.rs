@@ -1,4 +1,5 @@
 //! Figures of a running graph for a page, a terminal or a report.
+#![allow(missing_docs, reason = "fields without a doc say it all by their name")]
 
 use serde::Serialize;
 
@@ -7,28 +8,20 @@ use serde::Serialize;
 pub struct Layout {
     /// Number of the graph: the first is 0, each one that takes over is one more.
     pub number: u64,
-    /// The graph file.
     pub file: String,
-    /// Ticks a second.
     pub tick_hz: u32,
-    /// Audio rate in Hz.
     pub audio_hz: u32,
-    /// Nodes in the order they run.
     pub nodes: Vec<NodeLayout>,
     /// Wires: node and output, node and input, by index.
     pub wires: Vec<[usize; 4]>,
-    /// Signals on scopes.
     pub scopes: Vec<ScopeLayout>,
     /// Textures that a person may choose, by node.
     pub materials: Vec<Materials>,
 }
 
-/// One node of a [`Layout`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NodeLayout {
-    /// Its name in the graph.
     pub id: String,
-    /// Its kind.
     pub kind: String,
     /// Its inputs: name, unit.
     pub inputs: Vec<[String; 2]>,
@@ -36,28 +29,22 @@ pub struct NodeLayout {
     pub outputs: Vec<[String; 2]>,
     /// Parameters that may change while it runs.
     pub live: Vec<LiveLayout>,
-    /// Whether it is a sink.
     pub sink: bool,
 }
 
 /// A parameter that may change while its node runs.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct LiveLayout {
-    /// Its name.
     pub name: String,
     /// Current value; 0 or 1 for a flag, the index of its word for a choice.
     pub value: f64,
-    /// Least value.
     pub least: f64,
-    /// Greatest value.
     pub most: f64,
     /// Useful slider range around the value, if the whole range is far wider.
     pub reach: Option<[f64; 2]>,
-    /// Whether it takes whole numbers only.
     pub whole: bool,
     /// Words of a choice, `off` and `on` of a flag; empty for a number.
     pub words: Vec<String>,
-    /// Unit, for a person.
     pub unit: String,
 }
 
@@ -66,9 +53,7 @@ pub struct LiveLayout {
 pub struct ScopeLayout {
     /// `speed`, `force`, `acceleration`, `current`, or the name of the port.
     pub name: String,
-    /// Its unit.
     pub unit: String,
-    /// Samples a second.
     pub rate_hz: u32,
 }
 
@@ -79,27 +64,19 @@ impl LiveLayout {
     }
 }
 
-/// The textures of a node.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Materials {
-    /// The node.
     pub node: String,
-    /// The one it has.
     pub chosen: String,
-    /// All there are.
     pub names: Vec<String>,
 }
 
-/// State of the run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Condition {
-    /// The output is ramping up.
     #[default]
     Starting,
-    /// It plays.
     Playing,
-    /// A person muted the output.
     Muted,
     /// The device is lost; the run waits for it.
     Lost,
@@ -112,13 +89,10 @@ pub enum Condition {
 /// Figures now. Times are in microseconds unless the name says otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct View {
-    /// Counts views.
     pub number: u64,
     /// Number of the [`Layout`] that the node indices refer to.
     pub layout: u64,
-    /// State of the run.
     pub condition: Condition,
-    /// Whether a person muted it, in any condition.
     pub muted: bool,
     /// Clock of the ticks: `callback`, `paced`, `timer`.
     pub clock: String,
@@ -126,11 +100,8 @@ pub struct View {
     pub device: String,
     /// Frames a callback, as measured; 0 for none.
     pub period_frames: u32,
-    /// Ticks so far.
     pub ticks: u64,
-    /// Time of the graph in seconds.
     pub seconds: f64,
-    /// Times of ticks.
     pub timing: TimingView,
     /// Callbacks that found too few samples.
     pub underruns: u64,
@@ -140,17 +111,14 @@ pub struct View {
     pub guarded: u64,
     /// Xruns: gaps between callbacks, or xruns that the host reported. One that both saw counts once.
     pub xruns: u64,
-    /// How often the device was lost.
     pub losses: u64,
     /// Ticks skipped because they were too late.
     pub skipped_ticks: u64,
     /// Recorded samples of each channel that were lost, or missing when a tick needed them.
     pub recording_gaps: u64,
-    /// Faults of all nodes.
     pub faults: u64,
     /// Each node, in the layout's order.
     pub nodes: Vec<NodeView>,
-    /// Each input source.
     pub sources: Vec<SourceView>,
     /// New samples of each scope, oldest first.
     pub scopes: Vec<Vec<f32>>,
@@ -171,31 +139,24 @@ pub struct TimingView {
     pub woke_late: u64,
     /// Wake-up lateness: p50, p99, p99.9, max.
     pub late_us: [f64; 4],
-    /// Computing: p50, p99, p99.9, max.
     pub compute_us: [f64; 4],
     /// Time from the due time of a deadline miss to the end of the next tick in time: p50, p99, p99.9, max;
     /// 0 for none.
     pub recovery_us: [f64; 4],
     /// Upper edges of the histogram's bins; the last bin is open.
     pub edges_us: Vec<f64>,
-    /// Ticks by lateness.
     pub late_counts: Vec<u64>,
-    /// Ticks by computing.
     pub compute_counts: Vec<u64>,
 }
 
-/// One node of a [`View`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct NodeView {
     /// Mean time of a call since the view before.
     pub us: f64,
     /// Longest call so far.
     pub max_us: f64,
-    /// Calls so far.
     pub calls: u64,
-    /// Ticks slept through so far.
     pub slept: u64,
-    /// Faults so far.
     pub faults: u64,
     /// How it failed last, for a person; empty for never.
     pub last_fault: String,
@@ -208,19 +169,13 @@ pub struct NodeView {
 /// A source of a hand's motion.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SourceView {
-    /// The node.
     pub id: String,
     /// Samples a second, as they arrive.
     pub rate_hz: f64,
-    /// Age of the newest sample in milliseconds.
     pub age_ms: f64,
-    /// Reading delay in milliseconds.
     pub delay_ms: f64,
-    /// How often it stalled.
     pub stalls: u64,
-    /// Whether it stalls now.
     pub stalled: bool,
-    /// Samples so far.
     pub samples: u64,
 }
 
@@ -228,22 +183,8 @@ pub struct SourceView {
 /// stopping.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    /// Set a live parameter: node, parameter, value.
-    Set {
-        /// The node.
-        node: String,
-        /// The parameter.
-        param: String,
-        /// Its value.
-        value: f64,
-    },
-    /// Give a texture node another material.
-    Material {
-        /// The node.
-        node: String,
-        /// The material.
-        name: String,
-    },
+    Set { node: String, param: String, value: f64 },
+    Material { node: String, name: String },
 }
 
 impl Request {

@@ -17,21 +17,17 @@ pub(crate) struct Hand {
 struct State {
     /// `None` while the graph has no pointer.
     to: Option<SampleWriter>,
-    /// The newest sample.
     last: Sample,
 }
 
-/// State of one page's hand.
 #[derive(Debug, Default)]
 pub(crate) struct Pen {
-    /// The browser's clock.
     clock: RemoteClock,
     /// Touch of its last sample. A page that lost the hand gets it back with a new touch.
     number: Option<u32>,
 }
 
 impl Hand {
-    /// A hand that writes to `to`.
     pub(crate) fn new(to: Option<SampleWriter>) -> Self {
         Self { state: Mutex::new(State { to, last: Sample::default() }), holder: watch::Sender::new(None) }
     }
@@ -46,12 +42,10 @@ impl Hand {
         }
     }
 
-    /// Whether the graph has a pointer.
     pub(crate) fn is_there(&self) -> bool {
         self.state.lock().to.is_some()
     }
 
-    /// The page that has the hand.
     pub(crate) fn holder(&self) -> watch::Receiver<Option<u64>> {
         self.holder.subscribe()
     }

@@ -4,16 +4,6 @@
 //! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
 //! requests out of the run's [`asperity_live::RunControl`]. The tick thread is not involved.
 //!
-//! | module | job |
-//! |---|---|
-//! | `server` | the thread, the routes, the files of `static/` |
-//! | `door` | limits of connections |
-//! | `guard` | checks of host, origin and token; security headers |
-//! | `client` | one page: figures out, requests and strokes in |
-//! | `wire` | the messages of the WebSocket |
-//! | `feed` | the newest figures |
-//! | `hand` | strokes as samples |
-//!
 //! Only programs on this machine that know the token in the address are served. `Host` must be the loopback
 //! address or `localhost` with our port: a foreign name that resolves to this machine is refused. `Origin`,
 //! where a request has one, must be this page. The page loads nothing from elsewhere, and the browser is
@@ -26,7 +16,6 @@
 mod client;
 mod door;
 mod feed;
-mod guard;
 mod hand;
 mod server;
 mod wire;

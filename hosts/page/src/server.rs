@@ -24,7 +24,7 @@ use tokio::time::timeout;
 use crate::door::{Door, Visitor};
 use crate::feed::Feed;
 use crate::hand::Hand;
-use crate::{client, guard, wire};
+use crate::{client, door, wire};
 
 /// Most pages at a time. One more gets 503.
 pub const PAGES: usize = 16;
@@ -50,14 +50,12 @@ pub struct Options {
     pub token: Option<String>,
 }
 
-/// State that all requests share.
 pub(crate) struct Shared {
     pub(crate) port: u16,
     pub(crate) token: String,
     pub(crate) feed: Arc<Feed>,
     pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
-    /// Pages since the start.
     came: AtomicU64,
     pub(crate) stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
@@ -164,7 +162,6 @@ fn random() -> io::Result<String> {
     Ok(bytes.iter().map(|b| format!("{b:02x}")).collect())
 }
 
-/// Takes connections until the server stops.
 async fn accept(listener: TcpListener, shared: Arc<Shared>) {
     let router = router(&shared);
     let door = Arc::new(Door::default());
@@ -213,7 +210,7 @@ fn router(shared: &Arc<Shared>) -> Router {
     }
     router
         .fallback(async || (StatusCode::NOT_FOUND, "no such page\n"))
-        .layer(middleware::from_fn_with_state(shared.clone(), guard::guard))
+        .layer(middleware::from_fn_with_state(shared.clone(), door::guard))
         .with_state(shared.clone())
 }
 

@@ -36,17 +36,12 @@ const SCOPE: usize = 8192;
 /// Greatest distance from the middle of the surface in mm.
 const REACH_MM: f64 = 10_000.0;
 
-/// A request of a page.
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Ask {
-    /// Sets a parameter.
     Set { node: String, param: String, value: f64 },
-    /// Gives a texture another material.
     Material { node: String, name: String },
-    /// Mutes the run, or lets it play again.
     Mute(bool),
-    /// Ends the run.
     Stop,
 }
 
@@ -59,18 +54,15 @@ pub(crate) struct Stroke {
     pub(crate) y_mm: f64,
     /// 0 to 1; 0 off the surface.
     pub(crate) pressure: f64,
-    /// Number of the touch.
     pub(crate) number: u32,
 }
 
-/// A binary message from a page.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Told {
     /// The number of views it has got.
     Got(u64),
     /// Browser time of the message in ms, and samples of the hand.
     Hand(f64, Vec<Stroke>),
-    /// Lets the hand go.
     Free,
 }
 

@@ -9,7 +9,6 @@ use crate::recent::{Count, HOLD, Peak, Trace};
 
 /// Figures of nodes change this often: as fast as a person reads them.
 const READ: Duration = Duration::from_millis(250);
-/// Most notices that are kept.
 const NOTES: usize = 100;
 
 /// Panes that share one place on a low terminal.
@@ -41,7 +40,6 @@ pub(crate) struct Row {
     noted: Option<Duration>,
 }
 
-/// Everything that a frame shows.
 #[derive(Debug, Default)]
 pub(crate) struct Board {
     pub(crate) layout: Layout,
@@ -51,7 +49,6 @@ pub(crate) struct Board {
     pub(crate) peak: Peak,
     /// Underruns, lost samples, xruns, losses, faults, missed ticks.
     pub(crate) counts: [Count; 6],
-    /// Stalls of each source.
     pub(crate) stalls: Vec<Count>,
     pub(crate) notes: VecDeque<(f64, String)>,
     pub(crate) tab: Tab,
@@ -63,7 +60,6 @@ pub(crate) struct Board {
     pub(crate) page: usize,
     /// The chosen parameter, counted over all nodes.
     pub(crate) chosen: usize,
-    /// The chosen texture node.
     pub(crate) texture: usize,
     /// Requests of the keys that are not sent yet.
     pub(crate) requests: Vec<Request>,
@@ -147,7 +143,6 @@ impl Board {
         self.notes.push_back((seconds, text));
     }
 
-    /// Live parameters of all nodes.
     pub(crate) fn parameters(&self) -> impl Iterator<Item = (&NodeLayout, &LiveLayout)> {
         self.layout.nodes.iter().flat_map(|node| node.live.iter().map(move |live| (node, live)))
     }

@@ -26,14 +26,12 @@ const LEAST: (u16, u16) = (72, 20);
 const TALL: u16 = 36;
 /// From this many columns on, they stand side by side.
 const WIDE: u16 = 110;
-/// Most columns of a name.
 const NAME: usize = 40;
 /// Lowest level of the meter \[dBFS\], and its columns.
 const FLOOR_DB: f64 = -60.0;
 const METER: usize = 10;
 
 const PLAIN: Style = Style::new();
-/// Labels and explanations.
 const FAINT: Style = Style::new().add_modifier(Modifier::DIM);
 const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 /// Faults and losses; always with a word or a sign beside it.
@@ -347,7 +345,6 @@ impl Board {
             .render(inner, buffer);
     }
 
-    /// Live parameters and materials.
     fn draw_parameters(&self, area: Rect, buffer: &mut Buffer) {
         let many = self.parameters().count();
         let more = if many == 0 { "none".into() } else { format!("{} of {many}", self.chosen + 1) };

@@ -27,17 +27,28 @@ fn board() -> Board {
     board
 }
 
-fn press(board: &mut Board, code: KeyCode) -> Vec<Request> {
-    press_with(board, code, KeyModifiers::NONE)
-}
-
-fn press_with(board: &mut Board, code: KeyCode, modifiers: KeyModifiers) -> Vec<Request> {
+/// Presses a key: an arrow, with shift as a double one, or a letter. Its requests.
+fn press(board: &mut Board, key: char) -> Vec<Request> {
+    let (code, modifiers) = match key {
+        '↑' => (KeyCode::Up, KeyModifiers::NONE),
+        '↓' => (KeyCode::Down, KeyModifiers::NONE),
+        '←' => (KeyCode::Left, KeyModifiers::NONE),
+        '→' => (KeyCode::Right, KeyModifiers::NONE),
+        '⇐' => (KeyCode::Left, KeyModifiers::SHIFT),
+        '⇒' => (KeyCode::Right, KeyModifiers::SHIFT),
+        '⇞' => (KeyCode::PageUp, KeyModifiers::NONE),
+        '⇟' => (KeyCode::PageDown, KeyModifiers::NONE),
+        '⤓' => (KeyCode::End, KeyModifiers::NONE),
+        key => (KeyCode::Char(key), KeyModifiers::NONE),
+    };
     board.press(KeyEvent::new(code, modifiers));
     std::mem::take(&mut board.requests)
 }
 
-fn set(node: &str, param: &str, value: f64) -> Vec<Request> {
-    vec![Request::Set { node: node.into(), param: param.into(), value }]
+/// The requests of the last of some keys.
+fn last(keys: &str) -> Vec<Request> {
+    let mut board = board();
+    keys.chars().map(|key| press(&mut board, key)).last().expect("a key")
 }
 
 #[test]
@@ -66,46 +77,30 @@ fn keys_stop_and_mute_at_once() {
 }
 
 #[test]
-fn step_is_a_hundredth_of_the_range() {
-    let mut board = board();
-    assert_eq!(press(&mut board, KeyCode::Right), set("gain", "gain", 0.3));
-    assert_eq!(press_with(&mut board, KeyCode::Right, KeyModifiers::SHIFT), set("gain", "gain", 0.301));
-    assert_eq!(press(&mut board, KeyCode::Left), set("gain", "gain", 0.29));
-    for _ in 0..200 {
-        press(&mut board, KeyCode::Left);
+fn parameters_move_by_steps_of_their_range() {
+    let many = |before: &str, key: &str, times: usize| before.to_owned() + &key.repeat(times);
+    for (keys, node, param, value) in [
+        // A hundredth of the range, or a tenth of that.
+        ("→", "gain", "gain", 0.3),
+        ("→⇒", "gain", "gain", 0.301),
+        ("→⇒←", "gain", "gain", 0.29),
+        (&many("", "←", 29), "gain", "gain", 0.0),
+        // Four decades in a hundred steps: 25 steps are a factor of ten.
+        (&many("↓", "→", 25), "filter", "cutoff_hz", 200.0),
+        (&many("↓", "→", 68), "filter", "cutoff_hz", 10_000.0),
+        // Whole numbers and words move by one.
+        ("↓↓→", "filter", "lines", 9.0),
+        ("↓↓→⇐", "filter", "lines", 8.0),
+        ("↓↓↓→", "filter", "mono", 1.0),
+        ("↓↓↓→↓←", "filter", "mono", 0.0),
+    ] {
+        let [Request::Set { node: n, param: p, value: v }] = &last(keys)[..] else { panic!("{keys}") };
+        assert_eq!((n.as_str(), p.as_str()), (node, param), "{keys}");
+        assert!((v / value - 1.0).abs() < 1e-6 || *v == value, "{keys}: {v}");
     }
-    assert_eq!(board.layout.nodes[0].live[0].value, 0.0);
-    assert_eq!(press(&mut board, KeyCode::Left), []);
-}
-
-#[test]
-fn range_of_decades_is_moved_is_logarithmic() {
-    let mut board = board();
-    press(&mut board, KeyCode::Down);
-    // Four decades in a hundred steps: 25 steps are a factor of ten.
-    for _ in 0..25 {
-        press(&mut board, KeyCode::Right);
+    for end in [many("", "←", 30), many("↓", "→", 69), "↓↓↓→→".to_owned()] {
+        assert_eq!(last(&end), [], "{end}");
     }
-    let value = board.layout.nodes[1].live[0].value;
-    assert!((value - 200.0).abs() < 1e-4, "{value}");
-    for _ in 0..500 {
-        press(&mut board, KeyCode::Right);
-    }
-    assert_eq!(board.layout.nodes[1].live[0].value, 10_000.0);
-}
-
-#[test]
-fn whole_numbers_and_words_move_by_one() {
-    let mut board = board();
-    press(&mut board, KeyCode::Down);
-    press(&mut board, KeyCode::Down);
-    assert_eq!(press(&mut board, KeyCode::Right), set("filter", "lines", 9.0));
-    assert_eq!(press_with(&mut board, KeyCode::Left, KeyModifiers::SHIFT), set("filter", "lines", 8.0));
-    press(&mut board, KeyCode::Down);
-    assert_eq!(press(&mut board, KeyCode::Right), set("filter", "mono", 1.0));
-    assert_eq!(press(&mut board, KeyCode::Right), []);
-    press(&mut board, KeyCode::Down);
-    assert_eq!(press(&mut board, KeyCode::Left), set("filter", "mono", 0.0));
 }
 
 #[test]
@@ -114,44 +109,30 @@ fn held_key_asks_once_for_the_last_value() {
     for _ in 0..5 {
         board.press(KeyEvent::new(KeyCode::Right, KeyModifiers::NONE));
     }
-    assert_eq!(board.requests, set("gain", "gain", 0.34));
+    assert_eq!(board.requests, [Request::Set { node: "gain".into(), param: "gain".into(), value: 0.34 }]);
 }
 
 #[test]
 fn materials_cycle_for_each_texture() {
-    let mut board = board();
-    let asked = |node: &str, name: &str| vec![Request::Material { node: node.into(), name: name.into() }];
-    assert_eq!(press(&mut board, KeyCode::Char('n')), asked("left", "weave"));
-    assert_eq!(press(&mut board, KeyCode::Char('n')), asked("left", "brick"));
-    assert_eq!(press(&mut board, KeyCode::Char('p')), asked("left", "weave"));
-    press(&mut board, KeyCode::Char('t'));
-    assert_eq!(press(&mut board, KeyCode::Char('p')), asked("right", "brick"));
+    for (keys, node, name) in
+        [("n", "left", "weave"), ("nn", "left", "brick"), ("nnp", "left", "weave"), ("tp", "right", "brick")]
+    {
+        assert_eq!(last(keys), [Request::Material { node: node.into(), name: name.into() }], "{keys}");
+    }
 }
 
 #[test]
 fn first_arrow_only_shows_the_parameters() {
     let mut board = board();
     board.tab = Tab::Nodes;
-    press(&mut board, KeyCode::Down);
+    press(&mut board, '↓');
     assert_eq!((board.tab, board.chosen), (Tab::Parameters, 0));
-    press(&mut board, KeyCode::Down);
+    press(&mut board, '↓');
     assert_eq!(board.chosen, 1);
 }
 
 #[test]
 fn keys_are_harmless_without_parameters() {
-    let codes = [
-        KeyCode::Up,
-        KeyCode::Down,
-        KeyCode::Left,
-        KeyCode::Right,
-        KeyCode::PageDown,
-        KeyCode::PageUp,
-        KeyCode::End,
-        KeyCode::Char('n'),
-        KeyCode::Char('p'),
-        KeyCode::Char('t'),
-    ];
     let mut empty = Board::default();
     let broken =
         LiveLayout { words: vec!["only".into()], ..live("x", f64::NAN, f64::NEG_INFINITY, f64::INFINITY) };
@@ -162,8 +143,8 @@ fn keys_are_harmless_without_parameters() {
         ..Layout::default()
     });
     for board in [&mut empty, &mut odd] {
-        for code in codes.into_iter().chain(codes) {
-            for request in press(board, code) {
+        for key in "↑↓←→⇟⇞⤓npt".repeat(2).chars() {
+            for request in press(board, key) {
                 assert!(!matches!(request, Request::Set { value, .. } if !value.is_finite()));
             }
         }

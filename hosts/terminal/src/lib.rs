@@ -3,23 +3,12 @@
 //! [`Terminal`] takes over the terminal, draws [`View`]s and turns keys into requests. It never waits for a
 //! slow terminal: it skips a frame while the one before is still being written.
 //!
-//! | module | job |
-//! |---|---|
-//! | `screen` | raw mode, the alternate screen, the writing thread, panics |
-//! | `keyboard` | the reading thread |
-//! | `keys` | actions of the keys |
-//! | `board` | all figures, ready to draw |
-//! | `draw` | one frame of the board |
-//! | `recent` | values of the last two seconds |
-//! | `text` | figures and names as short text |
-//!
 //! Colours are the terminal's own sixteen on its own background; nothing depends on colour alone. Peaks,
 //! faults and losses stay for two seconds. Figures of nodes change four times a second. Control characters
 //! in names from files are not sent to the terminal.
 
 mod board;
 mod draw;
-mod keyboard;
 mod keys;
 mod recent;
 mod screen;
@@ -29,12 +18,12 @@ use std::io;
 use std::sync::mpsc::TryRecvError;
 use std::time::Instant;
 
+use asperity_live::RunControl;
 use asperity_live::view::{Layout, View};
-use asperity_live::{RunControl, Unheard};
 use ratatui::crossterm::event::Event;
 
 use board::Board;
-use keyboard::{KEYS, Keyboard};
+use keys::{KEYS, Keyboard};
 use screen::Screen;
 
 /// A terminal that shows a running graph. It is restored on drop, and when a panic ends the program.
@@ -85,10 +74,8 @@ impl Terminal {
             }
         }
         for request in std::mem::take(&mut self.board.requests) {
-            match self.run_control.ask(request) {
-                Ok(()) => {}
-                Err(Unheard::Busy) => self.note("too many requests at once: the last key did nothing"),
-                Err(Unheard::Over) => self.note("the run has ended: the key did nothing"),
+            if let Err(unheard) = self.run_control.ask(request) {
+                self.note(&unheard.to_string());
             }
         }
         self.screen.said().iter().for_each(|panic| self.note(panic));

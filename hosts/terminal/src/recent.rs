@@ -30,7 +30,6 @@ impl Count {
     }
 }
 
-/// The largest recent value.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Peak {
     pub(crate) value: f32,
@@ -82,7 +81,6 @@ impl Trace {
         }
     }
 
-    /// Largest magnitude.
     pub(crate) fn peak(&self) -> f32 {
         self.bins.iter().flatten().fold(0.0, |peak, bin| peak.max(-bin[0]).max(bin[1]))
     }

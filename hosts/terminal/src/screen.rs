@@ -49,14 +49,12 @@ impl Write for Sheet {
     }
 }
 
-/// State of the writing thread.
 #[derive(Default)]
 struct Pen {
     busy: AtomicBool,
     failed: AtomicBool,
 }
 
-/// A terminal that is drawn on.
 pub(crate) struct Screen {
     backend: CrosstermBackend<Sheet>,
     sheet: Sheet,
@@ -68,7 +66,6 @@ pub(crate) struct Screen {
 }
 
 impl Screen {
-    /// Takes the terminal over.
     pub(crate) fn open() -> io::Result<Self> {
         if !io::stdout().is_terminal() {
             let what = "standard output is no terminal, and --tui needs one";

@@ -38,7 +38,6 @@ pub(crate) fn figure(x: f64) -> String {
     text.to_owned() + unit.unwrap_or("P")
 }
 
-/// Decibels of full scale.
 pub(crate) fn dbfs(peak: f32) -> f64 {
     20.0 * f64::from(peak).log10()
 }

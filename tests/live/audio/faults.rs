@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use asperity_audio::Stream;
-use asperity_audio::simulated::{Params, Simulated};
-use harness::alone::{beside_others, real_time};
+use asperity_audio::simulated::Simulated;
+use harness::alone::beside_others;
+use harness::stage::{by_hand, timed};
 
-use super::parts::{Count, Each, by_hand, calls, left, loss, on, play, refusal};
+use super::parts::{Count, Each, calls, left, loss, on, play, refusal};
 
 /// A card in real time, and a stream that it has called.
 fn live(name: &str) -> (Simulated, Stream) {
-    let params = Params { frames: vec![64], keep: true, ..Params::default() };
-    let card = Simulated::new(name, params).unwrap();
+    let card = Simulated::new(name, timed(64)).unwrap();
     let stream = play(&on(&card), Count::default());
     calls(&stream, 0);
     (card, stream)
@@ -31,24 +31,10 @@ fn underrun_and_few_errors_are_counted_and_do_no_harm() {
 }
 
 #[test]
-fn flood_of_errors_is_one_loss_and_closes_the_stream() {
-    let _alone = real_time();
-    let (card, stream) = live("flood");
-    // Like ALSA over a killed Pulse server.
-    card.stop();
-    (0..1000).for_each(|_| card.error());
-    let reason = loss(&stream);
-    assert!(reason.contains("flood") && reason.contains("simulated error"), "{reason}");
-    assert!(!card.in_use());
-    assert_eq!(stream.play(), Err(reason));
-}
-
-#[test]
 fn lost_stream_that_still_calls_fades_out_before_closing() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let faded = (0..10).any(|at| {
-        let params = Params { frames: vec![64], keep: true, ..Params::default() };
-        let card = Simulated::new(&format!("fade {at}"), params).unwrap();
+        let card = Simulated::new(&format!("fade {at}"), timed(64)).unwrap();
         let stream = play(&on(&card), Each(|_| 0.5, 0));
         calls(&stream, 0);
         (0..60).for_each(|_| card.error());
@@ -62,27 +48,41 @@ fn lost_stream_that_still_calls_fades_out_before_closing() {
 }
 
 #[test]
-fn unplugged_device_is_lost_and_opens_again_when_back() {
-    let _alone = real_time();
-    let (card, stream) = live("plug");
-    card.unplug();
-    assert!(loss(&stream).contains("not available"), "{:?}", stream.lost());
-    let error = refusal(&on(&card));
-    assert!(error.reason.contains("there is no output device `plug`"), "{error}");
-    card.plug();
-    // The lost stream is still in hand: it does not stand in the way. Nor does one that is dropped.
-    for _ in 0..3 {
-        let again = play(&on(&card), Count::default());
-        calls(&again, 0);
-        assert_eq!(again.id(), stream.id());
-        drop(again);
+fn lost_stream_says_why_is_closed_and_opens_again() {
+    let _alone = beside_others();
+    type Way = (&'static str, fn(&Simulated), fn(&Simulated), [&'static str; 2]);
+    let ways: [Way; 3] = [
+        // Like ALSA over a killed Pulse server.
+        ("flood", |card| (0..1000).for_each(|_| card.error()), |_| {}, ["flood", "simulated error"]),
+        ("plug", Simulated::unplug, Simulated::plug, ["not available"; 2]),
+        ("stop", Simulated::stop, Simulated::resume, ["not called for 1."; 2]),
+    ];
+    for (name, harm, mend, why) in ways {
+        let (card, stream) = live(name);
+        harm(&card);
+        let reason = loss(&stream);
+        assert!(why.iter().all(|part| reason.contains(part)), "{name}: {reason}");
         assert!(!card.in_use());
+        assert_eq!(stream.play(), Err(reason));
+        if name == "plug" {
+            let error = refusal(&on(&card));
+            assert!(error.reason.contains("there is no output device `plug`"), "{error}");
+        }
+        mend(&card);
+        // The lost stream is still in hand: it does not stand in the way. Nor does one that is dropped.
+        for _ in 0..2 {
+            let again = play(&on(&card), Count::default());
+            calls(&again, 0);
+            assert_eq!(again.id(), stream.id());
+            drop(again);
+            assert!(!card.in_use());
+        }
     }
 }
 
 #[test]
 fn short_gap_loses_no_sample_and_is_no_loss() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (card, stream) = live("gap");
     card.gap(Duration::from_millis(300));
     calls(&stream, 100);
@@ -92,13 +92,10 @@ fn short_gap_loses_no_sample_and_is_no_loss() {
 }
 
 #[test]
-fn device_that_does_not_call_is_lost() {
-    let _alone = real_time();
-    let (card, stream) = live("stop");
+fn device_that_never_calls_is_lost() {
+    let _alone = beside_others();
+    let card = Simulated::new("silent", timed(64)).unwrap();
     card.stop();
-    assert!(loss(&stream).contains("not called for 1."), "{:?}", stream.lost());
-    assert!(!card.in_use());
-    // The same of one that never began.
     let stream = play(&on(&card), Count::default());
     assert!(loss(&stream).contains("has not called once in 2 s"), "{:?}", stream.lost());
 }

@@ -14,26 +14,6 @@ fn request(rate_hz: u32) -> Request {
     Request { host: Some("jack".into()), rate_hz, ..Request::default() }
 }
 
-/// Nothing lost, repeated or reordered, on channel 2.
-#[test]
-fn every_sample_arrives_at_44100_hz() {
-    const RATE: usize = 44_100;
-    let Some(_) = inside(test_name!(), || Jack::start(RATE as u32, 128)) else { return };
-    let ear = crate::ear::Ear::new(3 * RATE);
-    let wanted = Request { channels: vec![2], ..request(RATE as u32) };
-    let stream = open(&wanted, Box::new(Count::default()), None).unwrap();
-    ear.connect(&format!("cpal_client_{}_out:out_1", std::process::id()), 0);
-    stream.play().unwrap();
-    ear.wait(5 * RATE / 2);
-    let samples: Vec<f32> = ear.stop().iter().map(|frame| frame[0]).collect();
-    let first = samples.iter().position(|sample| *sample != 0.0).expect("something is played");
-    assert!(samples.len() - first > RATE, "it began late");
-    for (at, sample) in samples[first..].iter().enumerate() {
-        assert_eq!(f64::from(*sample), Count::value(at), "sample {at}");
-    }
-    assert_eq!((stream.period(), stream.lost()), (Some(128), None));
-}
-
 #[test]
 fn jack_input_hears_the_output_and_server_rules_the_period() {
     let Some(_) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
@@ -47,7 +27,7 @@ fn jack_input_hears_the_output_and_server_rules_the_period() {
         let ends = name("cpal_client_.*_out:out_0").zip(name("cpal_client_.*_in:in_0"));
         ends.is_some_and(|(from, to)| client.connect_ports_by_name(&from, &to).is_ok())
     });
-    until("two seconds", || ear.heard().len() > 96_000);
+    until("a second and a half", || ear.heard().len() > 72_000);
     let (lost, whole_ms) = around(&blocks.lock().unwrap(), &ear);
     println!("around in {whole_ms:.2} ms");
     // A cable within JACK hands over within the cycle.
@@ -61,22 +41,6 @@ fn jack_input_hears_the_output_and_server_rules_the_period() {
     let jack = hosts().into_iter().find(|host| host.name == "jack").unwrap();
     let output = jack.devices.iter().find(|device| device.default_output).unwrap().output.clone().unwrap();
     assert_eq!((output.rate_range_hz, output.buffer_frames), ((48_000, 48_000), Some((256, 256))));
-}
-
-#[test]
-fn killed_server_is_a_loss_and_the_next_one_opens() {
-    let Some(server) = inside(test_name!(), || Jack::start(48_000, 256)) else { return };
-    let stream = play(&request(48_000), Count::default());
-    calls(&stream, 20);
-    server.kill();
-    println!("killed: {}", loss(&stream));
-    drop(stream);
-    assert_eq!(refusal(&request(48_000)).cause, Cause::Host);
-    let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
-    let _next = Jack::named(&name, 48_000, 128).unwrap();
-    let again = play(&request(48_000), Count::default());
-    calls(&again, 20);
-    assert_eq!(again.period(), Some(128));
 }
 
 #[test]

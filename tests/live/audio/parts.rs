@@ -2,14 +2,9 @@
 
 use std::sync::{Arc, Mutex};
 
-use asperity_audio::simulated::{Params, Simulated};
+use asperity_audio::simulated::Simulated;
 use asperity_audio::{Block, Capture, Captured, OpenError, Process, Request, Stream, open};
 use harness::live::until;
-
-/// A card that calls only when it is told to, and keeps what it hears.
-pub(crate) fn by_hand() -> Params {
-    Params { speed: 0.0, keep: true, ..Params::default() }
-}
 
 /// The first channel of the card.
 pub(crate) fn on(card: &Simulated) -> Request {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use asperity_audio::{Cause, Request, hosts, open};
 use harness::live::{told, until};
-use harness::servers::{Pulse, inside};
+use harness::servers::{Process, Pulse, inside};
 use harness::test_name;
 
 use super::parts::{Count, Ear, around, calls, loss, play, record, refusal};
@@ -25,7 +25,7 @@ fn pulse_input_hears_the_output_after_the_reported_latency() {
         let wanted = Request { input_device, inputs: vec![1], period_frames: Some(period), ..request() };
         let stream = record(&wanted, count, Some(ear.clone()));
         assert_eq!(stream.input_id().as_deref(), Some("pulseaudio:test.monitor"));
-        until("two seconds", || ear.heard().len() > 96_000);
+        until("a second and a half", || ear.heard().len() > 72_000);
         let told_ms = stream.stats().latency_ms + stream.input_stats().unwrap().latency_ms;
         drop(stream);
         // PulseAudio drops what it recorded, and does not say so, where a busy machine takes it too late.
@@ -51,7 +51,7 @@ fn default_period_is_far_below_two_seconds() {
     let taken = || ["fd", "task"].map(|of| std::fs::read_dir(format!("/proc/self/{of}")).unwrap().count());
     calls(&stream, 100);
     let before = taken();
-    std::thread::sleep(Duration::from_secs(2));
+    std::thread::sleep(Duration::from_secs(1));
     assert!(taken().iter().zip(before).all(|(now, before)| *now <= before + 1), "{before:?} {:?}", taken());
 }
 
@@ -71,30 +71,24 @@ fn device_or_channel_that_pulse_would_make_up_is_refused() {
 }
 
 #[test]
-fn killed_pulse_is_a_loss_and_the_next_one_opens() {
+fn stopped_or_killed_pulse_is_a_loss_and_the_next_one_opens() {
     let Some(server) = inside(test_name!(), Pulse::start) else { return };
-    let stream = play(&request(), Count::default());
-    calls(&stream, 20);
-    server.kill();
-    println!("killed: {}", loss(&stream));
-    drop(stream);
-    assert_eq!(refusal(&request()).cause, Cause::Host);
+    let lost = |harm: fn(&Process)| {
+        let stream = play(&request(), Count::default());
+        calls(&stream, 20);
+        harm(&server);
+        println!("{}", loss(&stream));
+        drop(stream);
+        assert_eq!(refusal(&request()).cause, Cause::Host);
+    };
+    // A server that is stopped says nothing.
+    lost(Process::stop);
+    server.go_on();
+    until("the server to answer again", || open(&request(), Box::new(Count::default()), None).is_ok());
+    lost(Process::kill);
     let folder = std::env::var("PULSE_RUNTIME_PATH").unwrap();
     let _next = Pulse::in_folder(Path::new(&folder)).expect("another server");
     calls(&play(&request(), Count::default()), 20);
-}
-
-#[test]
-fn stopped_server_is_a_loss_though_it_says_nothing() {
-    let Some(server) = inside(test_name!(), Pulse::start) else { return };
-    let stream = play(&request(), Count::default());
-    calls(&stream, 20);
-    server.stop();
-    println!("stopped: {}", loss(&stream));
-    drop(stream);
-    assert_eq!(refusal(&request()).cause, Cause::Host);
-    server.go_on();
-    until("the server to answer again", || open(&request(), Box::new(Count::default()), None).is_ok());
 }
 
 #[test]
@@ -146,7 +140,7 @@ fn vanished_device_is_a_loss_and_not_replaced() {
             let wanted = Request { input_device: input.map(str::to_owned), inputs, ..wanted };
             let stream = record(&wanted, Count::default(), input.map(|_| Ear::default()));
             assert!(input.is_some() || stream.id() == "pulseaudio:haptic", "{}", stream.id());
-            until("calls", || stream.lost().is_some() || stream.stats().callbacks > 200);
+            until("calls", || stream.lost().is_some() || stream.stats().callbacks > 60);
             let before = stream.lost().map(str::to_owned);
             pactl(&["unload-module", &sink]);
             if let Some(reason) = before {

@@ -4,9 +4,10 @@ use asperity_audio::simulated::{Params, Simulated, set_plants};
 use asperity_audio::{Cause, Format, Request, open};
 use harness::alone::{beside_others, real_time};
 use harness::live::until;
+use harness::stage::by_hand;
 use proptest::prelude::*;
 
-use super::parts::{Count, Each, Ear, by_hand, left, on, play, ramp, record, refusal};
+use super::parts::{Count, Each, Ear, left, on, play, ramp, record, refusal};
 
 /// Value that a card with this sample format holds, computed anew: scale, round to the nearest,
 /// keep in range.
@@ -134,7 +135,7 @@ fn plant_is_heard_after_the_latency_and_not_before() {
 
 #[test]
 fn plant_in_words_is_made_at_the_rate_of_the_device() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let on = |device: &str| Request {
         device: Some(device.into()),
         inputs: vec![2, 1],
@@ -209,7 +210,7 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
 
 #[test]
 fn described_device_calls_with_its_lengths_in_turn() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let device = Some("simulated:frames=64+1+1024+97,rate=96000,channels=4,speed=50".into());
     let count = Count::default();
     let blocks = count.blocks.clone();

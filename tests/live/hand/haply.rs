@@ -10,10 +10,10 @@ use asperity_hand::{ArmOptions, Handle};
 use asperity_live::{SampleReader, force_model, samples};
 use asperity_motion::AxisMap;
 use asperity_node::Diagnostic;
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::live::{Background, until};
 
-use super::held::{floor, newest, problem};
+use super::{floor, newest, problem};
 use crate::haply::Service;
 
 fn options(service: &Service) -> ArmOptions {
@@ -53,7 +53,7 @@ fn refused(options: ArmOptions) -> Diagnostic {
 
 #[test]
 fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let service = service(&["049D"]);
     service.put([0.01, 0.02, -0.004]);
     let (to, mut from) = samples();
@@ -89,7 +89,7 @@ fn haply_hand_is_in_mm_and_floor_pushes_along_its_axis() {
 
 #[test]
 fn the_service_may_be_named_as_a_websocket_is() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let service = service(&["049D"]);
     for by in [format!("ws://{}", service.address), format!(" ws://{}/", service.address)] {
         let handle = start(ArmOptions { by: Some(by), ..options(&service) }, samples().0, None).unwrap();
@@ -99,7 +99,7 @@ fn the_service_may_be_named_as_a_websocket_is() {
 
 #[test]
 fn killed_service_is_told_once_and_resumed_in_a_new_stroke() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (service, handle, mut from) = listening();
     let address = service.address;
     until("samples", || newest(&mut from).is_some_and(|s| s.stroke == 0));
@@ -116,7 +116,7 @@ fn killed_service_is_told_once_and_resumed_in_a_new_stroke() {
 
 #[test]
 fn unplugged_device_lets_go_and_goes_on_when_back() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (service, handle, mut from, _floor) = pressing();
     service.devices.lock().unwrap().clear();
     assert!(problem(&handle).contains("`049D` is no longer there"));
@@ -129,7 +129,7 @@ fn unplugged_device_lets_go_and_goes_on_when_back() {
 
 #[test]
 fn garbage_is_counted_and_lets_go() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (service, handle, mut from, _floor) = pressing();
     *service.instead.lock().unwrap() = Some(r#"{"inverse3":"#.to_owned());
     until("bad messages", || handle.bad() > 10);
@@ -143,7 +143,7 @@ fn garbage_is_counted_and_lets_go() {
 
 #[test]
 fn a_service_that_falls_silent_is_told_and_connected_to_anew() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (service, handle, mut from) = listening();
     until("samples", || newest(&mut from).is_some());
     service.silent.store(true, Relaxed);
@@ -155,7 +155,7 @@ fn a_service_that_falls_silent_is_told_and_connected_to_anew() {
 
 #[test]
 fn reports_that_nobody_asked_for_do_not_make_the_hand_lag() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (service, handle, mut from) = listening();
     service.chatty.store(true, Relaxed);
     until("some", || handle.samples() > 300);
@@ -175,7 +175,7 @@ fn reports_that_nobody_asked_for_do_not_make_the_hand_lag() {
 
 #[test]
 fn a_service_that_floods_does_not_hold_the_servo() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let (service, handle, _from) = listening();
     until("samples", || handle.samples() > 0);
     service.flood.store(true, Relaxed);
@@ -185,7 +185,7 @@ fn a_service_that_floods_does_not_hold_the_servo() {
 
 #[test]
 fn what_is_missing_or_ambiguous_is_told_with_what_to_do() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let by = |address: &str| ArmOptions { by: Some(address.to_owned()), ..ArmOptions::default() };
     let free = TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
     let e = refused(by(&free.to_string())).to_string();

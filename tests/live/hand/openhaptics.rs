@@ -3,21 +3,20 @@
 
 use std::ffi::{c_uint, c_void};
 use std::path::PathBuf;
-use std::process::Command;
-use std::sync::RwLockWriteGuard;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError, RwLockReadGuard};
 use std::time::Duration;
 
 use asperity_hand::openhaptics::start;
 use asperity_hand::{ArmOptions, Handle};
 use asperity_live::{ForceReader, SampleReader, force_model, now_ns, samples};
 use asperity_motion::AxisMap;
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::counting::allocations;
 use harness::live::{Background, until};
 use libloading::{Library, Symbol};
 
-use super::held::{floor, newest, problem};
+use super::{floor, library, newest, problem};
 
 /// A stand-in of its own: the library, where it lies, and the turn to use it. The library has one scheduler,
 /// so a process has one device at a time.
@@ -25,28 +24,16 @@ struct Standin {
     library: Library,
     path: PathBuf,
     _folder: tempfile::TempDir,
-    _turn: RwLockWriteGuard<'static, ()>,
+    _turn: (MutexGuard<'static, ()>, RwLockReadGuard<'static, ()>),
 }
 
-fn build(folder: &tempfile::TempDir, flag: &str) -> PathBuf {
-    let path = folder.path().join("libHD.so");
-    let source = harness::root().join("tests/live/hand/standin/hd.c");
-    let done = Command::new("cc")
-        .args(["-shared", "-fPIC", "-O1", "-Wall", "-Werror", flag, "-o"])
-        .arg(&path)
-        .arg(source)
-        .arg("-lpthread")
-        .status()
-        .expect("a C compiler, `cc`");
-    assert!(done.success());
-    path
-}
+static TURN: Mutex<()> = Mutex::new(());
 
 impl Standin {
     fn new() -> Self {
-        let turn = real_time();
+        let turn = (TURN.lock().unwrap_or_else(PoisonError::into_inner), beside_others());
         let folder = tempfile::tempdir().unwrap();
-        let path = build(&folder, "-DWHOLE");
+        let path = library(folder.path(), "hd.c", "-DWHOLE");
         // SAFETY: the stand-in has no initialisers.
         let library = unsafe { Library::new(&path) }.unwrap();
         Self { library, path, _folder: folder, _turn: turn }
@@ -185,7 +172,12 @@ fn unplugged_device_is_told_once_and_goes_on_when_back() {
     until("samples", || newest(&mut from).is_some_and(|s| s.stroke == 0));
     standin.set("standin_plug", 0);
     let said = problem(&handle);
-    assert!(said.contains("the default device is lost: HD_COMM_ERROR: communication error"), "{said}");
+    assert!(
+        said.contains(
+            "the default device is lost: communication error between host and device (error 0x0302)"
+        ),
+        "{said}"
+    );
     std::thread::sleep(Duration::from_millis(700));
     assert_eq!(handle.problem(), None);
     newest(&mut from);
@@ -199,7 +191,7 @@ fn motors_that_switch_off_begin_again_from_no_force() {
     let standin = Standin::new();
     let (handle, _from, _floor) = standin.pressing();
     standin.set("standin_error_always", 0x201);
-    assert!(problem(&handle).contains("switched its force off: HD_EXCEEDED_MAX_FORCE"));
+    assert!(problem(&handle).contains("switched its force off: (error 0x0201)"));
     until("no force", || standin.force()[1] < 0.1);
     standin.set("standin_error_always", 0);
     assert!(problem(&handle).contains("works again"));
@@ -251,13 +243,13 @@ fn what_is_missing_is_told_with_what_to_do() {
     assert!(e.help.is_some_and(|help| help.contains("install") && help.contains("OpenHaptics")));
 
     let folder = tempfile::tempdir().unwrap();
-    let half = build(&folder, "-DWITHOUT_UNSCHEDULE");
+    let half = library(folder.path(), "hd.c", "-DWITHOUT_UNSCHEDULE");
     let e = run(by(&half.display().to_string()));
     assert!(e.message.contains("has no function hdUnschedule"), "{e}");
 
     let named = |name: &str| ArmOptions { device: Some(name.to_owned()), ..standin.options() };
     let e = run(named("Left"));
-    assert!(e.message.contains("the device `Left` does not answer: HD_COMM_ERROR"), "{e}");
+    assert!(e.message.contains("the device `Left` does not answer: communication error"), "{e}");
 
     let first = standin.start(None);
     let e = run(standin.options());

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use harness::alone::{shared_stage, stage};
+use harness::alone::shared_stage;
 use harness::live::{Live, npy};
-use harness::{Ran, run};
+use harness::{Ran, run_line};
 
 use crate::coil::Coil;
 
@@ -24,13 +24,7 @@ fn square(out: &str, limiter: &str) -> String {
 
 /// Runs `asperity setup` with these words.
 fn setup(dir: &Path, words: &str) -> Ran {
-    run(
-        dir,
-        &["setup", "--machine", "machine.ron"]
-            .into_iter()
-            .chain(words.split_whitespace())
-            .collect::<Vec<_>>(),
-    )
+    run_line(dir, &format!("setup --machine machine.ron {words}"))
 }
 
 /// The actuator on channel 1 of the card, and more options.
@@ -41,7 +35,7 @@ fn known(dir: &Path, more: &str) -> Ran {
 
 fn play(dir: &Path, text: &str) -> Ran {
     std::fs::write(dir.join("g.ron"), text).unwrap();
-    run(dir, &["run", "g.ron", "--device", CARD, "--machine", "machine.ron", "--seconds", "2"])
+    run_line(dir, &format!("run g.ron --device {CARD} --machine machine.ron --seconds 2"))
 }
 
 #[test]
@@ -91,7 +85,7 @@ fn two_entries_for_one_channel_are_refused() {
 
 #[test]
 fn most_volts_of_the_machine_hold_for_every_graph() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     known(dir, "--most-volts 0.08").ok();
     let ran = play(dir, &square("", "")).ok();
     assert!(ran.out.contains("held to the actuator's limits"), "{} {}", ran.out, ran.err);

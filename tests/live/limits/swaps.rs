@@ -3,18 +3,18 @@
 use std::path::Path;
 use std::time::Duration;
 
-use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_graph::{Compiled, GraphFile};
-use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use asperity_live::view::Condition;
-use harness::alone::{beside_others, real_time, shared_stage};
+use harness::alone::{beside_others, shared_stage};
 use harness::live::{Live, npy, until};
 use harness::stage::{by_hand, channel, graph, options, poll, start, swap, timed};
 use harness::{self, json};
 
 use crate::coil::{Coil, RATED, Used};
+use crate::edits::edit;
+use crate::simulated::on_channels;
 
 const RATE: u32 = 48_000;
 
@@ -139,8 +139,7 @@ fn two_outputs_that_change_names_stay_within_their_limits() {
         graph(&harness::registry(), (500, RATE), &(a.0 + &b.0), &(a.1 + &b.1))
     };
     let card = Simulated::new("both", by_hand()).expect("a card");
-    let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
-    let mut session = start(both(0), SessionOptions { device, ..options(&card, Clock::Callback) });
+    let mut session = start(both(0), on_channels(&card, &[1, 2], RATE));
     for n in 1..40 {
         (0..100).for_each(|_| card.step(96));
         swap(&mut session, both(n));
@@ -155,12 +154,12 @@ fn two_outputs_that_change_names_stay_within_their_limits() {
 
 #[test]
 fn lost_device_that_is_back_finds_its_coil_as_warm_as_it_was() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let card = Simulated::new("lost and back", timed(96)).expect("a card");
     let mut session = start(attacking("limiter", ""), options(&card, Clock::Callback));
     let mut coil = Coil::new(RATE);
     let mut heard = 0;
-    for _ in 0..4 {
+    for _ in 0..3 {
         let until = heard + 2 * RATE as usize;
         poll(&mut session, "the attack", |_| card.played().len() >= 2 * until);
         card.unplug();
@@ -185,13 +184,12 @@ fn write(dir: &Path, n: usize) {
     let ear = r#""card": (kind: "audio_in", params: (unit: "A")),
         "heard": (kind: "file_out", params: (file: "heard.npy")),"#;
     let text = format!(r#"Graph(version: 1, nodes: {{{nodes}{ear}}}, wires: [{wires}("card", "heard")])"#);
-    std::fs::write(dir.join("new"), text).unwrap();
-    std::fs::rename(dir.join("new"), dir.join("g.ron")).unwrap();
+    edit(dir, text);
 }
 
 #[test]
 fn renamed_limiter_lifts_no_limit_of_run_watch_on_any_clock() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let runs = ["callback", "paced"].map(|clock| {
         let dir = tempfile::tempdir().unwrap();
         write(dir.path(), 0);
@@ -199,7 +197,7 @@ fn renamed_limiter_lifts_no_limit_of_run_watch_on_any_clock() {
         let run = Live::start(dir.path(), &[&["g.ron", "--watch"], &card[..]].concat());
         (dir, run)
     });
-    for n in 1..=40 {
+    for n in 1..=28 {
         runs.iter().for_each(|(dir, _)| write(dir.path(), n));
         std::thread::sleep(Duration::from_millis(if n % 2 == 0 { 300 } else { 50 }));
     }
@@ -223,11 +221,10 @@ fn renamed_limiter_does_not_lift_the_limits_of_render_watch() {
     let write = |n: usize| {
         let (nodes, wires) = attack(&format!("limiter {n}"), "");
         let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
-        std::fs::write(dir.join("new"), text).unwrap();
-        std::fs::rename(dir.join("new"), dir.join("g.ron")).unwrap();
+        edit(dir, text);
     };
     write(0);
-    let seconds = seconds().to_string();
+    let seconds = (seconds() - 3.0).to_string();
     let args = ["render", "g.ron", "--watch", "--seconds", &seconds, "--out", "o.wav", "--report", "o.json"];
     let mut child = harness::asperity(dir).args(args).arg("--quiet").spawn().unwrap();
     let mut n = 0;

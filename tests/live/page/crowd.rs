@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use harness::alone::real_time;
 use harness::json;
-use harness::live::{CARD, EARS, Live, PATIENCE, npy, told};
+use harness::live::{CARD, Live, PATIENCE, npy, told};
 use tungstenite::{Message, WebSocket};
 
 use super::TICK;
+use crate::edits::{self, edit};
 use crate::socket::{connect, got};
 
 /// Reads so many views and says that it has got them. False where it is shown out.
@@ -41,13 +42,7 @@ fn breaks(x: &[f32], hz: f64) -> usize {
 /// what is broken is counted. The answer is the share of its time that was not played, or was late: ticks
 /// left out, ticks missed, samples lost, whichever is most.
 fn tone(dir: &Path, visit: impl FnOnce(&str)) -> f64 {
-    let text = format!(
-        r#"Graph(version: 1, nodes: {{"sine": (kind: "sine", params: (frequency_hz: 80.0)),
-           "limiter": (kind: "limiter"),
-           "out": (kind: "audio_out"), {}}}, wires: [("sine", "limiter"), ("limiter", "out"), {}])"#,
-        EARS[0], EARS[1]
-    );
-    std::fs::write(dir.join("g.ron"), text).expect("a graph");
+    edit(dir, edits::tone("", ""));
     let mut live = Live::start(dir, &["g.ron", "--page", "--device", CARD, "--report", "r.json"]);
     let url = live.says("the page: ");
     visit(&url);
@@ -73,7 +68,7 @@ fn tone(dir: &Path, visit: impl FnOnce(&str)) -> f64 {
 /// loses most of it.
 const MARGIN: f64 = 0.05;
 /// Shortest time of a run.
-const LONG: Duration = Duration::from_secs(5);
+const LONG: Duration = Duration::from_millis(3500);
 
 #[test]
 fn a_hundred_pages_cost_no_ticks() {

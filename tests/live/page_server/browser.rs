@@ -31,7 +31,7 @@ impl Stage {
         let (tell, asked) = sync_channel(4096);
         let page = serve(options, feed.clone(), run_control.clone(), pen).expect("it serves");
         let run = Background::new(move |stop| {
-            let mut run = made_up::Run::new();
+            let mut run = made_up::Run::at(0);
             feed.publish_layout(run.layout.clone());
             let began = Instant::now();
             for n in 0u32.. {

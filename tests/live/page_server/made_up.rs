@@ -17,8 +17,9 @@ pub struct Run {
 }
 
 impl Run {
-    pub fn new() -> Self {
-        Self { layout: layout(), muted: false, number: 0 }
+    /// One that has run for so long.
+    pub fn at(seconds: u64) -> Self {
+        Self { layout: layout(), muted: false, number: seconds * FPS }
     }
 
     /// Carries a request out.

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use asperity_live::view::{Request, View};
 use asperity_live::{RunControl, SampleReader, samples};
 use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
-use harness::alone::real_time;
+use harness::alone::beside_others;
 use harness::live::until;
 use tungstenite::protocol::CloseFrame;
 use tungstenite::{Message, WebSocket};
@@ -29,24 +29,22 @@ struct Stage {
     run_control: RunControl,
 }
 
+/// A page whose hand nobody reads.
 fn stage() -> Stage {
     let feed = Arc::new(Feed::new());
     feed.publish_layout(made_up::layout());
     let run_control = RunControl::default();
-    // Nobody reads the hand.
-    let page =
-        serve(Options::default(), feed.clone(), run_control.clone(), Some(samples().0)).expect("it serves");
+    let hand = Some(samples().0);
+    let page = serve(Options::default(), feed.clone(), run_control.clone(), hand).expect("it serves");
     Stage { page, feed, run_control }
 }
 
 impl Stage {
-    fn port(&self) -> u16 {
-        let (port, _) = self.page.url()["http://127.0.0.1:".len()..].split_once('/').expect("an address");
-        port.parse().expect("a port")
-    }
-
-    fn token(&self) -> &str {
-        self.page.url().split_once("token=").expect("a token").1
+    /// Port and token.
+    fn address(&self) -> (u16, &str) {
+        let (port, token) =
+            self.page.url()["http://127.0.0.1:".len()..].split_once("/?token=").expect("an address");
+        (port.parse().expect("a port"), token)
     }
 
     fn tcp(&self) -> TcpStream {
@@ -60,7 +58,8 @@ impl Stage {
 
     /// The answer where all is right.
     fn right(&self, path: &str) -> String {
-        self.get(&format!("{path}?token={}", self.token()), &format!("Host: 127.0.0.1:{}\r\n", self.port()))
+        let (port, token) = self.address();
+        self.get(&format!("{path}?token={token}"), &format!("Host: 127.0.0.1:{port}\r\n"))
     }
 
     fn watch(&self) -> Result<WebSocket<TcpStream>, u16> {
@@ -106,38 +105,41 @@ fn number(view: &[u8]) -> u64 {
 
 #[test]
 fn address_without_token_host_or_origin_is_refused() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
-    let (port, token) = (stage.port(), stage.token().to_owned());
+    let (port, token) = stage.address();
     let other = token.chars().rev().collect::<String>();
     let host = format!("Host: 127.0.0.1:{port}\r\n");
     let upgrade = "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n\
                    Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let right = format!("?token={token}");
+    let queries = ["", "?token=", &format!("?token={other}"), &format!("?token={}", &token[1..])]
+        .map(str::to_owned)
+        .into_iter()
+        .chain([format!("{right}x"), format!("{right}&token={other}")])
+        .map(|query| (query, host.clone()));
+    let hosts = [
+        format!("Host: evil.example:{port}\r\n"),
+        "Host: 127.0.0.1\r\n".to_owned(),
+        format!("Host: 127.0.0.1:{port}.evil.example\r\n"),
+        format!("{host}Host: evil.example\r\n"),
+    ];
+    let origins = [
+        "http://evil.example".to_owned(),
+        format!("http://127.0.0.1:{}", port ^ 1),
+        format!("https://127.0.0.1:{port}"),
+        "null".to_owned(),
+        format!("http://localhost:{port}"),
+    ];
+    let headers = hosts.into_iter().chain(origins.map(|origin| format!("{host}Origin: {origin}\r\n")));
+    let refused: Vec<_> = queries.chain(headers.map(|headers| (right.clone(), headers))).collect();
     for path in files().chain(["/ws"]) {
-        let right = format!("{path}?token={token}");
         let extra = if path == "/ws" { upgrade } else { "" };
-        let refused = [
-            (path.to_owned(), host.clone()),
-            (format!("{path}?token="), host.clone()),
-            (format!("{path}?token={other}"), host.clone()),
-            (format!("{path}?token={}", &token[1..]), host.clone()),
-            (format!("{path}?token={token}x"), host.clone()),
-            (format!("{path}?token={token}&token={other}"), host.clone()),
-            (right.clone(), format!("Host: evil.example:{port}\r\n")),
-            (right.clone(), "Host: 127.0.0.1\r\n".to_owned()),
-            (right.clone(), format!("Host: 127.0.0.1:{port}.evil.example\r\n")),
-            (right.clone(), format!("{host}Host: evil.example\r\n")),
-            (right.clone(), format!("{host}Origin: http://evil.example\r\n")),
-            (right.clone(), format!("{host}Origin: http://127.0.0.1:{}\r\n", port ^ 1)),
-            (right.clone(), format!("{host}Origin: https://127.0.0.1:{port}\r\n")),
-            (right.clone(), format!("{host}Origin: null\r\n")),
-            (right.clone(), format!("{host}Origin: http://localhost:{port}\r\n")),
-        ];
-        for (target, headers) in refused {
-            let answer = stage.get(&target, &format!("{headers}{extra}"));
+        for (query, headers) in &refused {
+            let answer = stage.get(&format!("{path}{query}"), &format!("{headers}{extra}"));
             let bad = answer.starts_with("HTTP/1.1 403") || answer.starts_with("HTTP/1.1 400");
-            assert!(bad, "{target} {headers}: {answer}");
-            assert!(!answer.contains(&token), "the token is not told");
+            assert!(bad, "{path}{query} {headers}: {answer}");
+            assert!(!answer.contains(token), "the token is not told");
         }
     }
     // HTTP/1.1 without a Host never comes to the guard, 1.0 does.
@@ -151,7 +153,7 @@ fn address_without_token_host_or_origin_is_refused() {
 
 #[test]
 fn files_forbid_and_ask_for_nothing_from_elsewhere() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     for path in files() {
         let answer = stage.right(path);
@@ -177,20 +179,16 @@ fn files_forbid_and_ask_for_nothing_from_elsewhere() {
 
 #[test]
 fn of_a_hundred_pages_sixteen_watch_and_the_rest_are_told() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
-    let mut watching = Vec::new();
-    let mut refused = 0;
+    let (mut watching, mut refused) = (Vec::new(), Vec::new());
     for _ in 0..100 {
         match stage.watch() {
             Ok(socket) => watching.push(socket),
-            Err(status) => {
-                assert_eq!(status, 503);
-                refused += 1;
-            }
+            Err(status) => refused.push(status),
         }
     }
-    assert_eq!((watching.len(), refused), (PAGES, 100 - PAGES));
+    assert_eq!((watching.len(), refused), (PAGES, vec![503; 100 - PAGES]));
     assert!(stage.right("/places").ends_with(r#"{"most":16,"pages":16}"#));
     for number in 1..=3 {
         stage.feed.publish(View { number, ..View::default() });
@@ -210,7 +208,7 @@ fn heavy(number: u64) -> View {
 
 #[test]
 fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let silent = stage.watch().expect("a place");
     let mut liar = stage.watch().expect("a place");
@@ -247,7 +245,7 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
 
 #[test]
 fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut silent = stage.watch().expect("a place");
     for n in 1..=100 {
@@ -267,7 +265,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
 
 #[test]
 fn garbage_or_too_much_ends_only_its_connection() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut good = stage.watch().expect("a place");
     let bad = [
@@ -313,7 +311,7 @@ fn garbage_or_too_much_ends_only_its_connection() {
 
 #[test]
 fn idle_connections_are_bounded_and_closed() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut good = stage.watch().expect("a place");
     let idle: Vec<TcpStream> = (0..CONNECTIONS + 40).map(|_| stage.tcp()).collect();
@@ -325,7 +323,7 @@ fn idle_connections_are_bounded_and_closed() {
 /// Once, idle connections without a token filled the server, and a page with the token got 503 for 5 s.
 #[test]
 fn idle_connections_keep_no_page_with_token_out() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let idle: Vec<TcpStream> = (0..3 * CONNECTIONS).map(|_| stage.tcp()).collect();
     let begun = Instant::now();
@@ -345,7 +343,7 @@ fn idle_connections_keep_no_page_with_token_out() {
 /// A request for a part that the graph does not have is refused with a reason; any other is asked for.
 #[test]
 fn request_for_a_missing_part_is_refused_with_a_reason() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
     let mut ask = |text: &str| {
@@ -385,10 +383,10 @@ fn request_for_a_missing_part_is_refused_with_a_reason() {
 
 #[test]
 fn pages_are_told_that_the_run_has_ended() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
     let mut socket = stage.watch().expect("a place");
-    let port = stage.port();
+    let (port, _) = stage.address();
     let ending = std::thread::spawn(move || drop(stage));
     // A page that is in the middle of telling something is not cut off before it has heard: a browser that
     // cannot write does not read on.
@@ -405,26 +403,22 @@ fn pages_are_told_that_the_run_has_ended() {
 
 #[test]
 fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let stage = stage();
-    let taken = Options { port: stage.port(), token: None };
-    let error = serve(taken, stage.feed.clone(), RunControl::default(), None).expect_err("it is taken");
-    assert_eq!(error.kind(), ErrorKind::AddrInUse);
+    let taken = Options { port: stage.address().0, token: None };
     let odd = Options { port: 0, token: Some("a&b".into()) };
-    assert_eq!(
-        serve(odd, stage.feed.clone(), RunControl::default(), None).expect_err("odd").kind(),
-        ErrorKind::InvalidInput
-    );
+    for (options, kind) in [(taken, ErrorKind::AddrInUse), (odd, ErrorKind::InvalidInput)] {
+        let error = serve(options, stage.feed.clone(), RunControl::default(), None).expect_err("an error");
+        assert_eq!(error.kind(), kind);
+    }
 }
 
 #[test]
 fn hand_goes_on_with_another_writer_and_new_strokes() {
-    let _alone = real_time();
+    let _alone = beside_others();
+    let stage = stage();
     let (to, mut first) = samples();
-    let run_control = RunControl::default();
-    let page =
-        serve(Options::default(), Arc::new(Feed::new()), run_control.clone(), Some(to)).expect("it serves");
-    let stage = Stage { page, feed: Arc::new(Feed::new()), run_control };
+    stage.page.set_pointer(Some(to));
     let mut socket = stage.watch().expect("a place");
     let mut touch = |x: f64, number: f64| {
         socket.send(numbers(&[1.0, x, x, x, 0.0, 0.5, number])).expect("it hears");

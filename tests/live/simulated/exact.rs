@@ -1,13 +1,14 @@
 //! Played samples compared with those of the engine alone.
 
+use asperity_audio::Format;
 use asperity_audio::simulated::{Params, Simulated};
-use asperity_audio::{Format, Request};
 use asperity_live::SessionOptions;
 use asperity_live::driver::Clock;
 use harness::alone::{beside_others, real_time};
 use harness::live::told;
 use harness::stage::{by_hand, channel, graph, offline, one_voice, options, poll, start, stop, timed, voice};
 
+use super::on_channels;
 use crate::audio::quantized;
 
 const FRAMES: [&[usize]; 7] =
@@ -35,12 +36,7 @@ fn check(case: usize) {
     let params = Params { channels: width, format: Some(format), rate_hz: Some(rate_hz), ..by_hand() };
     let card = Simulated::new(&format!("exact {case}"), params).expect("a card");
     let wanted = tones((tick_hz, rate_hz), map.len());
-    let device =
-        Some(Request { channels: map.to_vec(), rate_hz, ..options(&card, Clock::Callback).device.unwrap() });
-    let mut session = start(
-        tones((tick_hz, rate_hz), map.len()),
-        SessionOptions { device, ..options(&card, Clock::Callback) },
-    );
+    let mut session = start(tones((tick_hz, rate_hz), map.len()), on_channels(&card, map, rate_hz));
     let mut frames = 0;
     for size in sizes.iter().cycle() {
         card.step(*size);
@@ -70,21 +66,6 @@ fn every_card_plays_what_the_graph_gives_sample_by_sample() {
     let _alone = beside_others();
     // Every pair of values of any two properties is among these.
     (0..105).for_each(check);
-}
-
-#[test]
-fn a_start_is_the_graph_times_a_raised_cosine_of_two_seconds() {
-    let _alone = beside_others();
-    let card = Simulated::new("start", by_hand()).expect("a card");
-    let _session = start(one_voice(), SessionOptions { start_s: 2.0, ..options(&card, Clock::Callback) });
-    let frames = 100 * 1024;
-    (0..100).for_each(|_| card.step(1024));
-    let wanted = offline(one_voice().1, frames).swap_remove(0);
-    for (n, y) in channel(&card.played(), 2, 0).into_iter().enumerate() {
-        let part = ((n + 1) as f64 / 96_000.0).min(1.0);
-        let gain = 0.5 - 0.5 * (std::f64::consts::PI * part).cos();
-        assert!((y - gain * f64::from(wanted[n])).abs() < 1e-7, "frame {n}");
-    }
 }
 
 /// A paced run of a second, with the priority that a run has. A busy machine may break one, which others look

@@ -10,7 +10,7 @@ use asperity_live::view::Condition;
 use asperity_node::{
     Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Setup, ShapeSpec, Status, Tick, Unit,
 };
-use harness::alone::{beside_others, real_time};
+use harness::alone::beside_others;
 use harness::live::told;
 use harness::stage::{STEP, by_hand, channel, graph, largest_step, one_voice, options, poll, start, timed};
 
@@ -69,7 +69,7 @@ fn mute_is_silent_within_20_ms_and_the_graph_goes_on() {
 /// Nothing is played after the ramp.
 #[test]
 fn stop_or_drop_of_a_session_ramps_down_within_20_ms() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for (clock, dropped) in
         [(Clock::Callback, false), (Clock::Callback, true), (Clock::Paced, false), (Clock::Paced, true)]
     {
@@ -114,7 +114,7 @@ fn ramps_down(clock: Clock, dropped: bool, attempt: u32) -> Result<(), String> {
 
 #[test]
 fn underrun_and_gap_are_counted_and_join_without_a_step() {
-    let _alone = real_time();
+    let _alone = beside_others();
     told(|| {
         let card = Simulated::new("gaps", timed(64)).expect("a card");
         let mut session = start(one_voice(), options(&card, Clock::Callback));
@@ -157,7 +157,7 @@ fn underrun_and_gap_are_counted_and_join_without_a_step() {
 
 #[test]
 fn lost_card_is_waited_for_and_fades_in_when_back() {
-    let _alone = real_time();
+    let _alone = beside_others();
     type Way = (&'static str, fn(&Simulated), fn(&Simulated));
     let ways: [Way; 3] = [
         ("flood", flood, Simulated::resume),
@@ -232,7 +232,7 @@ fn breaking(kind: &str) -> (asperity_graph::GraphFile, asperity_graph::Compiled)
 
 #[test]
 fn panicking_node_is_named_and_every_clock_goes_on() {
-    let _alone = real_time();
+    let _alone = beside_others();
     for clock in [Clock::Callback, Clock::Paced, Clock::Timer] {
         let card = Simulated::new(&format!("breaks {}", clock.name()), timed(64)).expect("a card");
         let options = options(&card, clock);

@@ -1,14 +1,16 @@
 //! A graph that changes while it is played.
 
-use asperity_audio::Request;
 use asperity_audio::simulated::Simulated;
 use asperity_live::driver::Clock;
-use asperity_live::{DeviceQueues, Sample, SessionOptions, needs_queues, now_ns, samples};
-use harness::alone::{beside_others, real_time, stage};
+use asperity_live::{DeviceQueues, Sample, needs_queues, now_ns, samples};
+use harness::alone::{beside_others, shared_stage};
 use harness::live::Live;
 use harness::stage::{
     STEP, by_hand, channel, graph, largest_step, offline, options, start, start_with, stop, swap, voice,
 };
+
+use super::on_channels;
+use crate::edits::edit;
 
 /// Two voices; the first is as loud as is asked for, by another limiter.
 fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_graph::Compiled) {
@@ -25,8 +27,7 @@ fn two(amps: f64, dc_corner_hz: f64) -> (asperity_graph::GraphFile, asperity_gra
 fn swap_leaves_the_other_channel_and_figures_go_on() {
     let _alone = beside_others();
     let card = Simulated::new("swap", by_hand()).expect("a card");
-    let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
-    let mut session = start(two(0.1, 2000.0), SessionOptions { device, ..options(&card, Clock::Callback) });
+    let mut session = start(two(0.1, 2000.0), on_channels(&card, &[1, 2], 48_000));
     let step = |n: usize| (0..n).for_each(|_| card.step(97));
     step(100);
     let before = session.view();
@@ -70,8 +71,7 @@ fn swap_leaves_the_other_channel_and_figures_go_on() {
 fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
     let _alone = beside_others();
     let card = Simulated::new("refused", by_hand()).expect("a card");
-    let device = Some(Request { channels: vec![1, 2], ..options(&card, Clock::Callback).device.unwrap() });
-    let mut session = start(two(0.1, 2000.0), SessionOptions { device, ..options(&card, Clock::Callback) });
+    let mut session = start(two(0.1, 2000.0), on_channels(&card, &[1, 2], 48_000));
     (0..50).for_each(|_| card.step(97));
     for rates in [(1000, 48_000), (500, 44_100)] {
         let (nodes, wires) = voice("a", 80.0, 0.1);
@@ -91,7 +91,7 @@ fn refused_swap_changes_nothing_and_the_next_one_is_taken() {
 
 #[test]
 fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
-    let _alone = real_time();
+    let _alone = beside_others();
     let hand = |gain: f64, timeout_ms: f64| {
         let (nodes, wires) = voice("out", 80.0, 0.1);
         let nodes = format!(
@@ -144,13 +144,13 @@ fn a_hand_goes_on_across_a_swap_and_its_rate_does_not_jump() {
 /// The run goes on.
 #[test]
 fn edit_of_the_devices_channels_is_refused() {
-    let dir = &*stage();
+    let dir = &*shared_stage();
     let write = |voices: &[(String, String)], amps: f64| {
         let (nodes, wires): (Vec<_>, Vec<_>) = voices.iter().cloned().unzip();
         let (nodes, wires) = (nodes.concat().replace("0.1", &format!("{amps:?}")), wires.concat());
         let text =
             format!("Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{{nodes}}}, wires: [{wires}])");
-        std::fs::write(dir.join("g.ron"), text).expect("a file");
+        edit(dir, text);
     };
     let [one, other] = [voice("a", 80.0, 0.1), voice("b", 123.0, 0.07)];
     write(std::slice::from_ref(&one), 0.1);

@@ -6,15 +6,14 @@
 //! opens it as `simulated:NAME`, calls it by hand if needed, reads back its output, and causes faults.
 
 mod card;
-mod device;
 mod params;
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock, Weak};
 use std::time::Duration;
 
-use card::{Card, State};
-use cpal::ErrorKind;
+use card::Card;
+use cpal::{Error, ErrorKind};
 pub use params::Params;
 use parking_lot::Mutex;
 
@@ -44,7 +43,7 @@ fn plant_of(params: &Params, rate_hz: f64) -> Result<Option<Response>, String> {
 static NAMED: Mutex<BTreeMap<String, Weak<Card>>> = Mutex::new(BTreeMap::new());
 
 fn as_device(card: Arc<Card>) -> cpal::Device {
-    cpal::platform::CustomDevice::from_device(device::Device(card)).into()
+    cpal::platform::CustomDevice::from_device(card::Device(card)).into()
 }
 
 /// Named devices that are plugged in.
@@ -70,10 +69,7 @@ pub(crate) fn is_by_hand(id: &str) -> bool {
 }
 
 /// A device of a test. It exists until this is dropped.
-pub struct Simulated {
-    name: String,
-    card: Arc<Card>,
-}
+pub struct Simulated(Arc<Card>);
 
 impl Simulated {
     /// Plugs in a device. An error if the name is taken or contains `=`, or a parameter is invalid.
@@ -88,86 +84,81 @@ impl Simulated {
         }
         let card = Arc::new(Card::new(name.to_owned(), params));
         all.insert(name.to_owned(), Arc::downgrade(&card));
-        Ok(Self { name: name.to_owned(), card })
+        Ok(Self(card))
     }
 
     /// Id to open it: `simulated:NAME`.
     pub fn id(&self) -> String {
-        format!("simulated:{}", self.name)
+        format!("simulated:{}", self.0.id)
     }
 
     /// Calls the playing streams once with this many frames, on this thread: the output first, then the
     /// input.
     pub fn step(&self, frames: usize) {
-        self.card.step(frames);
+        self.0.step(frames);
     }
 
     /// Everything played since the device was made, if its parameters say `keep`: interleaved, all
     /// channels, full scale 1, exactly as in the device's memory.
     pub fn played(&self) -> Vec<f64> {
-        self.card.lock().played.clone()
+        self.0.lock().played.clone()
     }
 
     /// Sets a plant between two channels (from 1): it maps every output sample to an input sample.
     pub fn plant(&self, output: u16, input: u16, respond: impl FnMut(f32) -> f32 + Send + 'static) {
         let index = |channel: u16| usize::from(channel.max(1)) - 1;
-        self.card.lock().plants.push((index(output), index(input), Box::new(respond)));
+        self.0.lock().plants.push((index(output), index(input), Box::new(respond)));
     }
 
     /// Whether a stream has it open.
     pub fn in_use(&self) -> bool {
-        self.card.lock().lines().next().is_some()
+        self.0.lock().lines().next().is_some()
     }
 
     /// Reports an underrun to the streams.
     pub fn xrun(&self) {
-        report(&mut self.card.lock(), ErrorKind::Xrun);
+        self.report(&Error::new(ErrorKind::Xrun));
     }
 
     /// Reports an unspecific error.
     pub fn error(&self) {
-        report(&mut self.card.lock(), ErrorKind::BackendError);
+        self.report(&Error::with_message(ErrorKind::BackendError, "simulated error"));
+    }
+
+    fn report(&self, error: &Error) {
+        self.0.lock().lines().for_each(|line| (line.error)(error.clone()));
     }
 
     /// Pauses its calls for this long. Only for a device that keeps time itself.
     pub fn gap(&self, lasts: Duration) {
-        self.card.lock().gap = lasts;
+        self.0.lock().gap = lasts;
     }
 
     /// Stops calling without notice, like a stopped Pulse server.
     pub fn stop(&self) {
-        self.card.lock().stopped = true;
+        self.0.lock().stopped = true;
     }
 
     /// Calls again after [`Simulated::stop`].
     pub fn resume(&self) {
-        self.card.lock().stopped = false;
+        self.0.lock().stopped = false;
     }
 
     /// Unplugs the device: streams get an error, and nobody finds it.
     pub fn unplug(&self) {
-        let mut state = self.card.lock();
-        state.unplugged = true;
-        report(&mut state, ErrorKind::DeviceNotAvailable);
+        self.0.lock().unplugged = true;
+        self.report(&Error::new(ErrorKind::DeviceNotAvailable));
     }
 
     /// Plugs it in again. Lost streams stay lost.
     pub fn plug(&self) {
-        self.card.lock().unplugged = false;
+        self.0.lock().unplugged = false;
     }
 }
 
 impl Drop for Simulated {
     fn drop(&mut self) {
-        self.card.lock().unplugged = true;
-        NAMED.lock().remove(&self.name);
+        self.0.lock().unplugged = true;
+        NAMED.lock().remove(&self.0.id);
     }
-}
-
-fn report(state: &mut State, kind: ErrorKind) {
-    let error = match kind {
-        ErrorKind::BackendError => cpal::Error::with_message(kind, "simulated error"),
-        _ => cpal::Error::new(kind),
-    };
-    state.lines().for_each(|line| (line.error)(error.clone()));
 }

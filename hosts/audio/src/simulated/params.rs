@@ -53,12 +53,10 @@ impl Default for Params {
 }
 
 impl Params {
-    /// Its rates [Hz].
     pub(super) fn rates(&self) -> Vec<u32> {
         self.rate_hz.map_or_else(|| crate::RATES_HZ.to_vec(), |rate| vec![rate])
     }
 
-    /// Its formats.
     pub(super) fn formats(&self) -> Vec<Format> {
         let usual = || vec![Format::F32, Format::I32, Format::I24, Format::I16];
         self.format.map_or_else(usual, |format| vec![format])

@@ -20,22 +20,19 @@
 //! reported; both are reconnected when they are back, with a new stroke.
 
 mod link;
-mod message;
 
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use asperity_live::{ForceReader, SampleWriter, now_ns};
-use asperity_node::{Descriptor, Diagnostic, Param, Params, Registry};
+use asperity_node::{Diagnostic, Params};
 
-use crate::arm::{AGAIN, ArmLoop, Kinds, LET_GO, text};
+use crate::arm::{AGAIN, Arm, ArmLoop, LET_GO, text};
 use crate::handle::Shared;
-use crate::{ArmOptions, HandDevice, Handle, Open, error};
+use crate::{ArmOptions, Handle, error};
 use link::Link;
 
-/// Address of the service.
 const SERVICE: &str = "localhost:10001";
 /// Longest time for each step of the first connection.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -54,47 +51,24 @@ const PERIOD: Duration = Duration::from_micros(1_000_000 / USUAL_HZ as u64);
 const DELAY_S: f64 = 0.5 / USUAL_HZ as f64;
 
 /// The kind of devices.
-pub struct Haply;
+pub(crate) const ARM: Arm = Arm {
+    input: ["haply_input", "A stylus on an Inverse3, by the Haply service."],
+    force: ["haply_force", "Renders a plane on an Inverse3, in the loop that talks to it."],
+    // Our choice, for a hand that does not expect it.
+    max_force_n: 3.0,
+    device: "Id of the device; empty where there is one.",
+    by: ["service", "ws://localhost:10001", "Address of the Haply service."],
+    axes: "x,y,z",
+    start,
+    excludes,
+    servo: [USUAL_HZ as f64, DELAY_S],
+};
 
-impl HandDevice for Haply {
-    fn input(&self) -> &'static str {
-        "haply_input"
-    }
-
-    fn force(&self) -> Option<&'static str> {
-        Some("haply_force")
-    }
-
-    fn register(&self, registry: Registry) -> Registry {
-        let service = Param::text("service", "ws://localhost:10001", "Address of the Haply service.");
-        let input = Descriptor::new("haply_input", "A stylus on an Inverse3, by the Haply service.");
-        let summary = "Renders a plane on an Inverse3, in the loop that talks to it.";
-        let kinds = Kinds {
-            input: input.param(service),
-            force: Descriptor::new("haply_force", summary),
-            // Our choice, for a hand that does not expect it.
-            max_force_n: 3.0,
-            device: "Id of the device; empty where there is one.",
-            axes: "x,y,z",
-        };
-        kinds.register(registry)
-    }
-
-    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic> {
-        let options = ArmOptions::read(params, "service", max_force_n)?;
-        Ok(Box::new(|writer, models| start(options, writer, models)))
-    }
-
-    /// A service may have several devices. One without a name could be any of them.
-    fn excludes(&self, params: &Params, open: &Params, _address: Option<SocketAddr>) -> bool {
-        let [one, other] = [params, open].map(|params| text(params, "device"));
-        same_service(params.text("service"), open.text("service"))
-            && (one.is_none() || other.is_none() || one == other)
-    }
-
-    fn servo(&self) -> [f64; 2] {
-        [f64::from(USUAL_HZ), DELAY_S]
-    }
+/// A service may have several devices. One without a name could be any of them.
+fn excludes(params: &Params, open: &Params) -> bool {
+    let [one, other] = [params, open].map(|params| text(params, "device"));
+    same_service(params.text("service"), open.text("service"))
+        && (one.is_none() || other.is_none() || one == other)
 }
 
 /// Whether two addresses name the same service: with or without `ws://`, and `localhost` for 127.0.0.1 and
@@ -120,7 +94,6 @@ pub fn start(
     Handle::start("haply", shared, None, move || run.run(link))
 }
 
-/// Connects and chooses the device.
 fn open(
     service: &str,
     device: Option<&str>,
@@ -134,7 +107,7 @@ fn open(
     };
     let first = link.hear(Instant::now() + PATIENCE, stopped).map_err(|e| none(&e))?;
     let first = first.ok_or_else(|| none("sends no report"))?;
-    let ids = message::devices(&first).map_err(|e| none(&format!("sends something else: {e}")))?;
+    let ids = link::devices(&first).map_err(|e| none(&format!("sends something else: {e}")))?;
     let list = ids.join("`, `");
     let chosen = match (device, ids.as_slice()) {
         (_, []) => Err(error(
@@ -152,7 +125,6 @@ fn open(
     Ok((link, chosen?))
 }
 
-/// The servo's thread.
 struct Run {
     service: String,
     id: String,
@@ -162,7 +134,6 @@ struct Run {
     sent: [f64; 3],
     /// Whether the last report had the device.
     there: bool,
-    /// Time of the last report.
     heard: Instant,
 }
 
@@ -239,7 +210,7 @@ impl Run {
 
     fn read(&mut self, report: &str) {
         let now = now_ns();
-        let (there, place) = match message::position(report, &self.id) {
+        let (there, place) = match link::position(report, &self.id) {
             Ok(place) => (place.is_some(), place),
             Err(why) => {
                 self.shared.bad(why);

@@ -1,8 +1,7 @@
 //! The maker's library, loaded at run time: names, types and constants of its C interface.
 //!
 //! These are facts of the published interface (OpenHaptics Toolkit, API Reference Manual, Device Library,
-//! version 3.4):
-//! functions, values of constants, and the layout of the one struct that is returned by value.
+//! version 3.4).
 
 use std::ffi::{CStr, c_char, c_int, c_uint, c_ulong, c_ushort, c_void};
 
@@ -21,7 +20,6 @@ pub(super) const NOMINAL_MAX_STIFFNESS: c_uint = 0x2602;
 pub(super) const NOMINAL_MAX_FORCE: c_uint = 0x2603;
 /// The capability to push.
 pub(super) const FORCE_OUTPUT: c_uint = 0x4000;
-/// No device.
 pub(super) const INVALID_HANDLE: c_uint = 0xFFFF_FFFF;
 /// Results of a callback.
 pub(super) const DONE: c_uint = 0;
@@ -38,10 +36,8 @@ pub(super) struct ErrorInfo {
     pub(super) device: c_uint,
 }
 
-/// Callback of the scheduler.
 pub(super) type Callback = unsafe extern "system" fn(*mut c_void) -> c_uint;
 
-/// Default names of the library.
 fn names() -> &'static [&'static str] {
     if cfg!(windows) {
         &["hd.dll"]
@@ -139,11 +135,7 @@ impl Hd {
             // SAFETY: a text that ends in 0 and lives as long as the library.
             unsafe { CStr::from_ptr(text) }.to_string_lossy().into_owned()
         };
-        match (known(code), said.trim()) {
-            (Some(name), said) if said.is_empty() || said == name => name.to_owned(),
-            (Some(name), said) => format!("{name}: {said}"),
-            (None, said) => format!("error 0x{code:04x} {said}").trim_end().to_owned(),
-        }
+        format!("{} (error 0x{code:04x})", said.trim()).trim_start().to_owned()
     }
 }
 
@@ -158,33 +150,6 @@ pub(super) fn fatal(code: c_uint) -> bool {
 /// Whether the device switched its motors off itself.
 pub(super) fn force_off(code: c_uint) -> bool {
     matches!(code, 0x0200..=0x0204)
-}
-
-fn known(code: c_uint) -> Option<&'static str> {
-    Some(match code {
-        0x0100 => "HD_INVALID_ENUM",
-        0x0101 => "HD_INVALID_VALUE",
-        0x0102 => "HD_INVALID_OPERATION",
-        0x0103 => "HD_INVALID_INPUT_TYPE",
-        0x0104 => "HD_BAD_HANDLE",
-        0x0200 => "HD_WARM_MOTORS",
-        0x0201 => "HD_EXCEEDED_MAX_FORCE",
-        0x0202 => "HD_EXCEEDED_MAX_FORCE_IMPULSE",
-        0x0203 => "HD_EXCEEDED_MAX_VELOCITY",
-        0x0204 => "HD_FORCE_ERROR",
-        0x0300 => "HD_DEVICE_FAULT",
-        0x0301 => "HD_DEVICE_ALREADY_INITIATED",
-        0x0302 => "HD_COMM_ERROR",
-        0x0303 => "HD_COMM_CONFIG_ERROR",
-        0x0304 => "HD_TIMER_ERROR",
-        0x0400 => "HD_ILLEGAL_BEGIN",
-        0x0401 => "HD_ILLEGAL_END",
-        0x0402 => "HD_FRAME_ERROR",
-        0x0500 => "HD_INVALID_PRIORITY",
-        0x0501 => "HD_SCHEDULER_FULL",
-        0x0600 => "HD_INVALID_LICENSE",
-        _ => return None,
-    })
 }
 
 /// The loader's own words, without its type's.

@@ -15,7 +15,6 @@ mod library;
 mod tick;
 
 use std::ffi::{CString, c_uint, c_ulong};
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Acquire, Ordering::Relaxed};
 use std::sync::mpsc::{self, SyncSender};
@@ -23,11 +22,11 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use asperity_live::{ForceReader, SampleWriter};
-use asperity_node::{Descriptor, Diagnostic, Param, Params, Registry};
+use asperity_node::Diagnostic;
 
-use crate::arm::{AGAIN, ArmLoop, Kinds, LET_GO};
+use crate::arm::{AGAIN, Arm, ArmLoop, LET_GO};
 use crate::handle::Shared;
-use crate::{ArmOptions, HandDevice, Handle, Open, error};
+use crate::{ArmOptions, Handle, error};
 use library::{DEFAULT_PRIORITY, FORCE_OUTPUT, Hd, INVALID_HANDLE, NOMINAL_MAX_FORCE, NOMINAL_MAX_STIFFNESS};
 use tick::{Parked, Signals, Tick};
 
@@ -42,49 +41,20 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Time without a call of the servo that is a stall.
 const STALL: Duration = Duration::from_millis(200);
 
-/// One source at a time.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 
-/// The kind of devices.
-pub struct OpenHaptics;
-
-impl HandDevice for OpenHaptics {
-    fn input(&self) -> &'static str {
-        "openhaptics_input"
-    }
-
-    fn force(&self) -> Option<&'static str> {
-        Some("openhaptics_force")
-    }
-
-    fn register(&self, registry: Registry) -> Registry {
-        let library = "The vendor's library libHD; empty to look where systems keep theirs.";
-        let input = Descriptor::new("openhaptics_input", "A stylus on an arm, by the OpenHaptics library.");
-        let summary = "Renders a plane on an OpenHaptics device, in the device's own servo loop.";
-        let kinds = Kinds {
-            input: input.param(Param::text("library", "", library)),
-            force: Descriptor::new("openhaptics_force", summary),
-            max_force_n: 3.3,
-            device: "Name of the device as its set-up tool knows it; empty for the default.",
-            axes: "x,-z,y",
-        };
-        kinds.register(registry)
-    }
-
-    fn configure(&self, params: &Params, max_force_n: f64) -> Result<Open, Diagnostic> {
-        let options = ArmOptions::read(params, "library", max_force_n)?;
-        Ok(Box::new(|writer, models| start(options, writer, models)))
-    }
-
-    /// The library has one scheduler.
-    fn excludes(&self, _params: &Params, _open: &Params, _address: Option<SocketAddr>) -> bool {
-        true
-    }
-
-    fn servo(&self) -> [f64; 2] {
-        [f64::from(SERVO_HZ), 0.0]
-    }
-}
+/// The kind of devices. The library has one scheduler, so one source excludes another.
+pub(crate) const ARM: Arm = Arm {
+    input: ["openhaptics_input", "A stylus on an arm, by the OpenHaptics library."],
+    force: ["openhaptics_force", "Renders a plane on an OpenHaptics device, in the device's own servo loop."],
+    max_force_n: 3.3,
+    device: "Name of the device as its set-up tool knows it; empty for the default.",
+    by: ["library", "", "The vendor's library libHD; empty to look where systems keep theirs."],
+    axes: "x,-z,y",
+    start,
+    excludes: |_, _| true,
+    servo: [SERVO_HZ as f64, 0.0],
+};
 
 /// Opens the device and starts its servo. Without `models` the motors stay off. Error: the library is
 /// missing or incomplete; the device does not answer; another source uses it.

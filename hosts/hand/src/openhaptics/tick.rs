@@ -30,7 +30,6 @@ pub(super) struct Signals {
     pub(super) lost: AtomicU32,
     /// Last other error; 0 for none.
     pub(super) minor: AtomicU32,
-    /// Calls so far.
     pub(super) ticks: AtomicU64,
     /// Whether the callback is running. The callback releases it at its end.
     pub(super) inside: AtomicBool,
@@ -41,7 +40,6 @@ pub(super) struct Tick {
     pub(super) hd: Hd,
     pub(super) device: c_uint,
     pub(super) arm: ArmLoop,
-    /// Time of the last call.
     pub(super) last_ns: Option<u64>,
     pub(super) shared: Arc<Shared>,
     pub(super) signals: Arc<Signals>,

@@ -9,11 +9,10 @@
 //! A new stroke begins with every 0 to 1 of a listed `touch`, when the sender's clock is set, and when
 //! another sender takes over after a pause. Unusable messages are counted, with the reason of the last;
 //! they never stop the source. Packets are at most 64 KiB and bundles nest at most 8 deep, so memory is
-//! bounded. From the sender's call to the queue it takes 10 us (p50; p99 58 us on a loaded machine).
+//! bounded.
 
 mod arguments;
 mod packet;
-mod pattern;
 
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
@@ -21,15 +20,13 @@ use std::sync::{Arc, atomic::Ordering::Relaxed};
 use std::time::Duration;
 
 use asperity_live::{Order, RemoteClock, Sample, SampleWriter, now_ns, place};
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Param, Params, Prepared, Processor, Registry, Setup, Status, Tick, Unit,
-};
+use asperity_node::{Descriptor, Diagnostic, Node, Param, Params, Prepared, Registry, Setup, Unit};
 use regex::Regex;
 use rosc::OscMessage;
 
 use crate::arm::AGAIN;
 use crate::handle::Shared;
-use crate::node::{hand, pass_on};
+use crate::node::{PassOn, hand};
 use crate::{HandDevice, Handle, Open, error};
 use arguments::{Arguments, Reading};
 
@@ -44,7 +41,6 @@ const PACKET: usize = 65_536;
 #[derive(Clone, Debug)]
 pub struct OscOptions {
     listen: SocketAddr,
-    /// The address pattern as written.
     address: String,
     pattern: Regex,
     arguments: Arguments,
@@ -61,7 +57,7 @@ impl OscOptions {
     pub fn parse(listen: &str, anywhere: bool, address: &str, arguments: &str) -> Result<Self, Diagnostic> {
         let arguments = Arguments::parse(arguments)?;
         let listen = parse_listen(listen)?;
-        let pattern = pattern::parse(address)?;
+        let pattern = packet::pattern(address)?;
         if !anywhere && !listen.ip().is_loopback() {
             return Err(error(
                 format!("{listen} can be reached from the network"),
@@ -102,10 +98,7 @@ impl HandDevice for Osc {
 }
 
 /// A stylus whose position comes by Open Sound Control over UDP.
-struct OscInput {
-    /// Force of a message's 1 \[N\]: a force counts as it is, a pressure of 1 is the largest force.
-    newton: f64,
-}
+struct OscInput;
 
 impl Node for OscInput {
     fn descriptor() -> Descriptor {
@@ -134,19 +127,10 @@ impl Node for OscInput {
                 .error("arguments", message)
                 .help("send force_n too, or compute it with virtual_floor"));
         }
+        // A force counts as it is, a pressure of 1 is the largest force.
         let newton = if arguments.contains("pressure") { p.number("max_force_n") } else { 1.0 };
-        Ok(Prepared::new(Self { newton }))
+        Ok(Prepared::new(PassOn(newton)))
     }
-}
-
-impl Processor for OscInput {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let status = pass_on(tick);
-        tick.outputs.set(place::FORCE, tick.inputs.value(place::FORCE) * self.newton);
-        status
-    }
-
-    fn reset(&mut self) {}
 }
 
 /// Parses a listening address: `127.0.0.1:9000`, `localhost:9000`, or a port alone for this machine's
@@ -207,7 +191,6 @@ fn open(address: SocketAddr) -> Result<UdpSocket, Diagnostic> {
     })
 }
 
-/// The listening thread.
 struct Ear {
     shared: Arc<Shared>,
     writer: SampleWriter,
@@ -258,7 +241,7 @@ impl Ear {
     }
 
     fn message(&mut self, message: &OscMessage, tag: Option<u64>, arrived_ns: u64) {
-        if !pattern::fits(&self.options.pattern, &message.addr) {
+        if !packet::fits(&self.options.pattern, &message.addr) {
             if !self.told && self.shared.samples.load(Relaxed) == 0 {
                 self.told = true;
                 let heard = message.addr.chars().take(80).collect::<String>();

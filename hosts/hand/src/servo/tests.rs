@@ -1,105 +1,104 @@
 //! The law on its own, and a simulated device in its loop.
 
 use super::*;
+use asperity_node::random::uniform;
 
 const MS: u64 = 1_000_000;
 
-fn floor(stiffness: f64, damping: f64, now_ns: u64) -> ForceModel {
+fn floor(stiffness: f64, damping: f64) -> ForceModel {
     ForceModel {
-        point: [0.0; 3],
         normal: [0.0, 0.0, 1.0],
         stiffness_n_per_mm: stiffness,
         damping_ns_per_m: damping,
-        beside_n: [0.0; 3],
         max_force_n: 100.0,
         valid: true,
-        time_ns: now_ns,
+        ..ForceModel::default()
     }
 }
 
-/// A servo that has held the hand at `z` long enough for all ramps to be over; and the time.
-fn held(force_n: f64, stiffness: f64, z: f64) -> (Servo, u64) {
-    let mut servo = Servo::new(force_n);
-    let mut now = MS;
-    for _ in 0..1200 {
-        now += MS;
-        servo.step(now, [0.0, 0.0, z], &floor(stiffness, 0.0, now));
+/// A servo that is called every millisecond.
+struct Bench {
+    servo: Servo,
+    now: u64,
+}
+
+impl Bench {
+    fn new(force_n: f64) -> Self {
+        Self { servo: Servo::new(force_n), now: MS }
     }
-    (servo, now)
+
+    /// One that has held the hand at `z` long enough for all ramps to be over.
+    fn held(force_n: f64, stiffness: f64, z: f64) -> Self {
+        let mut bench = Self::new(force_n);
+        for _ in 0..1200 {
+            bench.step(z, floor(stiffness, 0.0));
+        }
+        bench
+    }
+
+    /// The force with the hand at `z`, and a model of this moment.
+    fn step(&mut self, z: f64, model: ForceModel) -> [f64; 3] {
+        self.step_at([0.0, 0.0, z], ForceModel { time_ns: self.now + MS, ..model })
+    }
+
+    fn step_at(&mut self, position: [f64; 3], model: ForceModel) -> [f64; 3] {
+        self.now += MS;
+        self.servo.step(self.now, position, &model)
+    }
 }
 
 #[test]
 fn force_at_rest_is_stiffness_times_depth() {
-    let (servo, _) = held(10.0, 0.5, -3.0);
+    let servo = Bench::held(10.0, 0.5, -3.0).servo;
     assert!((servo.force[2] - 1.5).abs() < 1e-9 && servo.force[0] == 0.0, "{:?}", servo.force);
     assert!((servo.normal_force() - 1.5).abs() < 1e-9);
-    assert_eq!(held(10.0, 0.5, 0.01).0.force, [0.0; 3]);
-    // Clamped by the device, and by the model.
-    assert!((held(1.0, 0.5, -30.0).0.force[2] - 1.0).abs() < 1e-9);
+    assert_eq!(Bench::held(10.0, 0.5, 0.01).servo.force, [0.0; 3]);
+    // Clamped by the device.
+    assert!((Bench::held(1.0, 0.5, -30.0).servo.force[2] - 1.0).abs() < 1e-9);
 }
 
 #[test]
 fn force_beside_the_plane_is_smooth_and_may_pull() {
-    let (mut servo, mut now) = held(10.0, 0.5, -3.0);
-    let mut model = floor(0.5, 0.0, now);
+    let mut bench = Bench::held(10.0, 0.5, -3.0);
     // Friction along x, and a magnet that pulls into the plane.
-    model.beside_n = [0.8, 0.0, -2.5];
-    let mut last = servo.force();
+    let model = ForceModel { beside_n: [0.8, 0.0, -2.5], ..floor(0.5, 0.0) };
     for ms in 0..50 {
-        now += MS;
-        model.time_ns = now;
-        let force = servo.step(now, [0.0, 0.0, -3.0], &model);
+        let force = bench.step(-3.0, model);
         // Of a first-order lag with 3 ms.
         let part = 1.0 - (-f64::from(ms + 1) / 3.0).exp();
         let want = [0.8 * part, 0.0, 1.5 - 2.5 * part];
         assert!((0..3).all(|i| (force[i] - want[i]).abs() < 1e-9), "{ms}: {force:?} for {want:?}");
-        last = force;
     }
-    assert!((last[2] + 1.0).abs() < 1e-6, "it pulls: {last:?}");
+    assert!((bench.servo.force()[2] + 1.0).abs() < 1e-6, "it pulls: {:?}", bench.servo.force());
     // Held to the greatest force as a whole.
-    model.max_force_n = 0.5;
-    now += MS;
-    model.time_ns = now;
-    let force = servo.step(now, [0.0, 0.0, -3.0], &model);
+    let force = bench.step(-3.0, ForceModel { max_force_n: 0.5, ..model });
     assert!(size(force) <= 0.5 + 1e-12, "{force:?}");
     for _ in 0..25 {
-        now += MS;
-        servo.step(now, [f64::NAN; 3], &ForceModel::default());
+        bench.step(f64::NAN, ForceModel::default());
     }
-    assert_eq!(servo.force(), [0.0; 3]);
+    assert_eq!(bench.servo.force(), [0.0; 3]);
 }
 
 #[test]
 fn damper_resists_descent_and_never_pulls_back() {
     // 20 mm/s into the plane from 10 mm above, 2 N s/m: 0.04 N beside the spring.
     for (speed, expect) in [(-20.0, 0.04), (20.0, -0.04)] {
-        let mut servo = Servo::new(10.0);
-        let (mut now, mut z) = (MS, -speed);
+        let (mut bench, mut z) = (Bench::new(10.0), -speed);
         for _ in 0..1500 {
-            now += MS;
             z += speed * 1e-3;
-            servo.step(now, [0.0, 0.0, z], &floor(0.5, 2.0, now));
-            assert!(servo.force[2] >= 0.0);
+            assert!(bench.step(z, floor(0.5, 2.0))[2] >= 0.0);
         }
-        let expect = (-0.5 * z + expect).max(0.0);
-        assert!((servo.force[2] - expect).abs() < 1e-6, "{speed}: {} for {expect}", servo.force[2]);
+        let (force, expect) = (bench.servo.force[2], (-0.5 * z + expect).max(0.0));
+        assert!((force - expect).abs() < 1e-6, "{speed}: {force} for {expect}");
     }
 }
 
 #[test]
 fn force_starts_over_half_a_second() {
-    let mut servo = Servo::new(10.0);
-    let mut at = Vec::new();
-    for k in 0..=700u64 {
-        let now = MS * (k + 1);
-        at.push(servo.step(now, [0.0, 0.0, -2.0], &floor(1.0, 0.0, now))[2]);
-    }
-    assert!(
-        at[0] == 0.0 && (at[250] - 1.0).abs() < 0.02 && (at[700] - 2.0).abs() < 1e-6,
-        "{} {}",
-        at[250],
-        at[700]
-    );
+    let mut bench = Bench::new(10.0);
+    let at: Vec<f64> = (0..=700).map(|_| bench.step(-2.0, floor(1.0, 0.0))[2]).collect();
+    let (half, full) = (at[250], at[700]);
+    assert!(at[0] == 0.0 && (half - 1.0).abs() < 0.02 && (full - 2.0).abs() < 1e-6, "{half} {full}");
     let steepest = at.windows(2).map(|w| w[1] - w[0]).fold(0.0, f64::max);
     assert!(steepest < 0.01, "{steepest} N in a millisecond");
 }
@@ -116,63 +115,52 @@ fn untrusted_model_releases_force_within_20_ms() {
         ("negative stiffness", |m| m.stiffness_n_per_mm = -1.0),
     ];
     for (what, spoil) in spoil {
-        let (mut servo, mut now) = held(10.0, 1.0, -5.0);
+        let mut bench = Bench::held(10.0, 1.0, -5.0);
         for k in 1..=21 {
-            now += MS;
-            let mut model = floor(1.0, 0.0, now);
+            let mut model = ForceModel { time_ns: bench.now + MS, ..floor(1.0, 0.0) };
             spoil(&mut model);
-            let f = servo.step(now, [0.0, 0.0, -5.0], &model)[2];
-            assert!(
-                f.is_finite() && f <= 5.0 * (1.0 - f64::from(k) / 20.0).max(0.0) + 1e-9,
-                "{what}: {f} after {k} ms"
-            );
+            let f = bench.step_at([0.0, 0.0, -5.0], model)[2];
+            let most = 5.0 * (1.0 - f64::from(k) / 20.0).max(0.0) + 1e-9;
+            assert!(f.is_finite() && f <= most, "{what}: {f} after {k} ms");
         }
-        assert_eq!(servo.force, [0.0; 3], "{what}");
-        now += MS;
-        assert!(
-            servo.step(now, [0.0, 0.0, -5.0], &floor(1.0, 0.0, now))[2] < 0.02,
-            "{what}: comes back at once"
-        );
+        assert_eq!(bench.servo.force, [0.0; 3], "{what}");
+        assert!(bench.step(-5.0, floor(1.0, 0.0))[2] < 0.02, "{what}: comes back at once");
     }
     // A model of 100 ms is still good.
-    let (mut servo, now) = held(10.0, 1.0, -5.0);
-    let old = servo.force[2];
-    assert_eq!(servo.step(now + MS, [0.0, 0.0, -5.0], &floor(1.0, 0.0, now - 99 * MS))[2], old);
+    let mut bench = Bench::held(10.0, 1.0, -5.0);
+    let (old, time_ns) = (bench.servo.force, bench.now - 99 * MS);
+    assert_eq!(bench.step_at([0.0, 0.0, -5.0], ForceModel { time_ns, ..floor(1.0, 0.0) }), old);
 }
 
 #[test]
 fn invalid_position_or_stall_releases_force() {
-    let (mut servo, mut now) = held(10.0, 1.0, -5.0);
+    let mut bench = Bench::held(10.0, 1.0, -5.0);
     for _ in 0..21 {
-        now += MS;
-        let f = servo.step(now, [0.0, f64::NAN, -5.0], &floor(1.0, 0.0, now));
-        assert!(f.iter().all(|x| x.is_finite()));
+        let model = ForceModel { time_ns: bench.now + MS, ..floor(1.0, 0.0) };
+        assert!(bench.step_at([0.0, f64::NAN, -5.0], model).iter().all(|x| x.is_finite()));
     }
-    assert_eq!(servo.force, [0.0; 3]);
-    let (mut servo, now) = held(10.0, 1.0, -5.0);
-    assert_eq!(servo.step(now + 60 * MS, [0.0, 0.0, -5.0], &floor(1.0, 0.0, now + 60 * MS)), [0.0; 3]);
+    assert_eq!(bench.servo.force, [0.0; 3]);
+    let mut bench = Bench::held(10.0, 1.0, -5.0);
+    bench.now += 59 * MS;
+    assert_eq!(bench.step(-5.0, floor(1.0, 0.0)), [0.0; 3]);
 }
 
 #[test]
 fn plane_appears_and_vanishes_without_a_step() {
     let most = 4.0;
-    let (mut servo, mut now) = held(most, 1.0, 5.0);
-    assert_eq!(servo.force, [0.0; 3]);
-    let mut before = 0.0;
-    let mut took = 0;
+    let mut bench = Bench::held(most, 1.0, 5.0);
+    assert_eq!(bench.servo.force, [0.0; 3]);
+    let (mut before, mut took) = (0.0, 0);
     // It appears with 10 mm over the hand: the law says 4 N at once.
     for k in 0..200 {
-        now += MS;
-        let model = ForceModel { point: [0.0, 0.0, 15.0], ..floor(1.0, 0.0, now) };
-        let f = servo.step(now, [0.0, 0.0, 5.0], &model)[2];
+        let f = bench.step(5.0, ForceModel { point: [0.0, 0.0, 15.0], ..floor(1.0, 0.0) })[2];
         assert!(f - before <= most / 50.0 + 1e-9, "{} N in a millisecond", f - before);
         (before, took) = (f, if f < 0.95 * most { k } else { took });
     }
     assert!((before - most).abs() < 1e-3 && (40..120).contains(&took), "{before} after {took}");
     // It goes: nothing left after 20 ms, and no step.
     for _ in 0..20 {
-        now += MS;
-        let f = servo.step(now, [0.0, 0.0, 5.0], &ForceModel { normal: [0.0; 3], ..floor(1.0, 0.0, now) })[2];
+        let f = bench.step(5.0, ForceModel { normal: [0.0; 3], ..floor(1.0, 0.0) })[2];
         assert!((0.0..=before).contains(&f) && before - f <= 1.2, "{before} to {f}");
         before = f;
     }
@@ -181,27 +169,23 @@ fn plane_appears_and_vanishes_without_a_step() {
 
 #[test]
 fn unchanged_wall_answers_in_the_same_step() {
-    let (mut servo, mut now) = held(10.0, 1.0, -1.0);
+    let mut bench = Bench::held(10.0, 1.0, -1.0);
     for z in [-1.1, -1.3, -1.2, -1.6] {
-        now += MS;
-        assert!((servo.step(now, [0.0, 0.0, z], &floor(1.0, 0.0, now))[2] + z).abs() < 1e-9);
+        assert!((bench.step(z, floor(1.0, 0.0))[2] + z).abs() < 1e-9);
     }
     // A jump of 9 mm is met at the slew limit: 10 N in 4 ms.
-    now += MS;
-    assert!((servo.step(now, [0.0, 0.0, -10.6], &floor(1.0, 0.0, now))[2] - 4.1).abs() < 1e-6);
+    assert!((bench.step(-10.6, floor(1.0, 0.0))[2] - 4.1).abs() < 1e-6);
 }
 
 #[test]
 fn force_stays_finite_bounded_and_never_pulls() {
-    let mut state = 7u64;
+    let mut count = 0;
     let mut random = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        count += 1;
+        2.0 * uniform(7, count) - 1.0
     };
     let wild = [f64::NAN, f64::INFINITY, -1e300, 1e300, 0.0];
-    let mut servo = Servo::new(3.0);
-    let mut model = floor(1.0, 1.0, MS);
-    let mut now = MS;
+    let (mut servo, mut model, mut now) = (Servo::new(3.0), floor(1.0, 1.0), MS);
     for k in 0..200_000 {
         now += (random().abs() * 2e6) as u64;
         if random() > 0.95 {
@@ -230,16 +214,12 @@ fn ring(mass_kg: f64, device_ns_per_m: f64, stiffness: f64, damping: f64) -> f64
     let (period, push) = (1e-3, 1.0);
     let rest = -push / stiffness;
     let decay = (-device_ns_per_m * period / mass_kg).exp();
-    let mut servo = Servo { slew_n_per_s: 1e12, ..Servo::new(1e6) };
-    let (mut z, mut v, mut now, mut worst) = (rest, 0.0, MS, 0.0f64);
+    let mut bench = Bench { servo: Servo { slew_n_per_s: 1e12, ..Servo::new(1e6) }, now: MS };
+    let model = ForceModel { max_force_n: 1e6, ..floor(stiffness, damping) };
+    let (mut z, mut v, mut worst) = (rest, 0.0, 0.0f64);
     for k in 0..10_000 {
-        now += MS;
         let knock = if (1000..1010).contains(&k) { -0.5 } else { 0.0 };
-        let f = servo.step(
-            now,
-            [0.0, 0.0, z],
-            &ForceModel { max_force_n: 1e6, ..floor(stiffness, damping, now) },
-        )[2];
+        let f = bench.step(z, model)[2];
         // Held until the ramps are over. Then, in m, s, kg: m v' = f - push - b v.
         if k < 1000 {
             continue;

@@ -8,7 +8,6 @@ mod callback;
 mod controls;
 mod paced;
 mod run;
-mod sleep;
 mod timer;
 
 pub use callback::{CallbackHalf, callback};
@@ -45,9 +44,8 @@ pub trait Ticker: Send {
     /// Number of the next tick.
     fn next_tick(&self) -> u64;
 
-    /// Runs the next tick. `time_ns`: when inputs are read, by [`now_ns`](crate::now_ns). `out`:
-    /// interleaved samples of exactly
-    /// this tick (`asperity_node::time::samples(next_tick, rate_hz, tick_hz)`), zeroed, to be filled.
+    /// Runs the next tick. `time_ns`: when inputs are read, by [`now_ns`](crate::now_ns). `out`: interleaved
+    /// samples of exactly this tick, zeroed, to be filled.
     fn tick(&mut self, time_ns: u64, out: &mut [f32]);
 
     /// Skips `n` ticks.
@@ -178,6 +176,11 @@ impl<T: Ticker> Drop for Driver<T> {
     fn drop(&mut self) {
         drop(self.end(true));
     }
+}
+
+/// Sleeps until a time of [`now_ns`](crate::now_ns).
+fn sleep_until(time_ns: u64) {
+    std::thread::sleep(Duration::from_nanos(time_ns.saturating_sub(crate::now_ns())));
 }
 
 /// Options of a driver.

@@ -6,18 +6,11 @@
 //! never holds more than the period, a tick and the margin. The thread measures by position alone, so the
 //! fill of the ring needs no control of its own.
 //!
-//! Measured with 1024 frames at 48 kHz and 500 Hz ticks, on 2 busy cores of a virtual machine: readings of
-//! the hand are 2 ms apart within 0.4 us (p1 and p99), the ticks themselves within 28 us; the lead is 22.4
-//! ms, of which the period is
-//! 21.3 ms. With 256 frames beside builds that stalled the machine, the lead stayed 6.35 to 6.36 ms over
-//! five runs (period 5.3 ms).
-//!
 //! A late thread runs up to 16 late ticks at once. Beyond that it skips whole ticks, as far as the device
 //! has reported that their time has passed.
 //!
 //! A server faster than real time (JACK in freewheel) asks for more than the thread can compute. Missing
-//! samples are silent and counted, and ticks are skipped: a run in freewheel for one second skipped 29.9 s
-//! of samples, all counted. The callback clock renders every sample.
+//! samples are silent and counted, and ticks are skipped. The callback clock renders every sample.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering::*};
@@ -28,10 +21,10 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use super::run::{self, Output, RUN_BEHIND, Rates, SLEW};
-use super::{Clock, Controls, Driver, Options, Ticker, sleep};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep_until};
 use crate::dll::Line;
 use crate::now_ns;
-use crate::realtime::Asked;
+use crate::realtime::{ask_priority, touch_stack};
 
 opaque_debug!(PacedHalf);
 
@@ -55,7 +48,7 @@ const DEVICE_STACK: usize = 32_768;
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
 pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<(Driver<T>, PacedHalf)> {
-    let controls = Controls::new(options, Some(Asked::default()));
+    let controls = Controls::new(options);
     let rates = ticker.rates();
     let (to, ring) = HeapRb::new(room(&rates, options)).split();
     let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
@@ -68,6 +61,7 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
         lines,
         owed: 0,
         began: false,
+        priority: options.priority,
     };
     let pace = Pace {
         controls: Arc::clone(&controls),
@@ -83,7 +77,6 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
     Ok((Driver::thread(Clock::Paced, controls, |_| pace.run(ticker))?, half))
 }
 
-/// Size of the ring in values.
 fn room(rates: &Rates, options: &Options) -> usize {
     let period = options.seen_frames as usize;
     let frames = ((f64::from(rates.rate_hz) * ROOM_S) as usize).max(ROOM_PERIODS * period);
@@ -95,7 +88,6 @@ fn lead(line: &Line) -> f64 {
     line.period_frames as f64 * line.frame_ns() + MARGIN_NS + line.early_ns
 }
 
-/// The thread's side.
 struct Pace {
     controls: Arc<Controls>,
     stream: Arc<Stream>,
@@ -103,7 +95,6 @@ struct Pace {
     lines: triple_buffer::Output<Line>,
     rates: Rates,
     samples: Vec<f32>,
-    /// The lead L [ns].
     lead_ns: f64,
     /// Sample of the ticker at position 0 of the device.
     origin: f64,
@@ -117,7 +108,7 @@ impl Pace {
         }
         // The device still fades its last samples.
         while !self.over() && !self.controls.failed() {
-            sleep::until(now_ns() + NAP_NS);
+            sleep_until(now_ns() + NAP_NS);
         }
         ticker
     }
@@ -144,7 +135,7 @@ impl Pace {
                 self.stream.begin.store(begin as u64, Release);
                 return true;
             }
-            sleep::until(now + 1_000_000);
+            sleep_until(now + 1_000_000);
         }
     }
 
@@ -156,7 +147,7 @@ impl Pace {
         let due = (line.time_ns(position) - self.lead_ns).max(0.0) as u64;
         let now = now_ns();
         if due > now {
-            sleep::until(due.min(now + NAP_NS));
+            sleep_until(due.min(now + NAP_NS));
             if now_ns() < due {
                 return true;
             }
@@ -168,7 +159,7 @@ impl Pace {
         let len = self.rates.len(tick).min(self.samples.len());
         if self.ring.vacant_len() < len {
             // The ring is full: the device stands still, or catches up.
-            sleep::until(now + NAP_NS);
+            sleep_until(now + NAP_NS);
             return true;
         }
         self.read_ns = self.read_ns.max(due);
@@ -218,9 +209,8 @@ struct Stream {
 
 /// The device's side: takes samples from the ring, and reports the device's time to the thread.
 ///
-/// Position in the stream is position in time. Samples that were missing at their time, or that a gap
-/// passed over, are owed:
-/// as many are dropped, or skipped by the thread, before anything plays again. So latency never grows.
+/// Position in the stream is position in time. Samples that were missing at their time, or that a gap passed
+/// over, are owed: as many are dropped, or skipped by the thread, before anything plays again.
 pub struct PacedHalf {
     out: Output,
     stream: Arc<Stream>,
@@ -229,6 +219,8 @@ pub struct PacedHalf {
     /// Frames owed, without the thread's skips.
     owed: i64,
     began: bool,
+    /// Priority that the device's thread still has to request.
+    priority: Option<i32>,
 }
 
 impl Process for PacedHalf {
@@ -236,9 +228,11 @@ impl Process for PacedHalf {
         let _flushed = Flushed::new();
         let Some(heard) = self.out.begin(block) else { return };
         let (controls, channels) = (Arc::clone(&self.out.controls), self.out.channels);
-        // Ticks run on another thread, but a late callback is audible too.
-        if let Some(asked) = &controls.device_asked {
-            asked.once::<DEVICE_STACK>(controls.priority);
+        // Ticks run on another thread, but a late callback is audible too. If this is refused, so is the
+        // request of the thread that ticks, which is reported.
+        if let Some(priority) = self.priority.take() {
+            ask_priority(priority);
+            touch_stack::<DEVICE_STACK>();
         }
         self.lines.write(*self.out.dll.line());
         if heard.lost > 0 && self.began {

@@ -44,7 +44,6 @@ impl Rates {
         (samples.end - samples.start) as usize * self.channels
     }
 
-    /// Most values of any tick.
     pub(super) fn most(&self) -> usize {
         time::max_samples(self.rate_hz, self.tick_hz) * self.channels
     }

@@ -12,25 +12,22 @@ use crate::ramp::Ramp;
 
 /// Writes the number of each sample as its value, negative on odd channels.
 pub(super) struct Counter {
-    pub(super) tick_hz: u32,
-    pub(super) rate_hz: u32,
-    pub(super) channels: usize,
+    pub(super) rates: Rates,
     pub(super) next: u64,
     /// Ticks with the times they were given.
     pub(super) times: Vec<(u64, u64)>,
-    /// A tick that takes this long.
     pub(super) stall: Option<(u64, Duration)>,
     pub(super) panic_at: Option<u64>,
 }
 
 impl Counter {
     pub(super) fn new(rate_hz: u32, tick_hz: u32, channels: usize, next: u64) -> Self {
-        let times = Vec::with_capacity(200_000);
-        Self { tick_hz, rate_hz, channels, next, times, stall: None, panic_at: None }
+        let (rates, times) = (Rates { tick_hz, rate_hz, channels }, Vec::with_capacity(200_000));
+        Self { rates, next, times, stall: None, panic_at: None }
     }
 
     pub(super) fn first_sample(&self) -> u64 {
-        time::first_sample(self.next, self.rate_hz, self.tick_hz)
+        self.rates.first_sample(self.next)
     }
 }
 
@@ -41,7 +38,7 @@ pub(super) fn value(sample: u64, channel: usize) -> f32 {
 
 impl Ticker for Counter {
     fn rates(&self) -> Rates {
-        Rates { tick_hz: self.tick_hz, rate_hz: self.rate_hz, channels: self.channels }
+        self.rates
     }
 
     fn next_tick(&self) -> u64 {
@@ -49,13 +46,14 @@ impl Ticker for Counter {
     }
 
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
-        let samples = time::samples(self.next, self.rate_hz, self.tick_hz);
-        assert_eq!(out.len() as u64, (samples.end - samples.start) * self.channels as u64);
+        let Rates { tick_hz, rate_hz, channels } = self.rates;
+        let samples = time::samples(self.next, rate_hz, tick_hz);
+        assert_eq!(out.len() as u64, (samples.end - samples.start) * channels as u64);
         assert!(self.panic_at != Some(self.next), "asked for");
         if let Some((_, long)) = self.stall.filter(|(tick, _)| *tick == self.next) {
             std::thread::sleep(long);
         }
-        for (frame, sample) in out.chunks_exact_mut(self.channels).zip(samples) {
+        for (frame, sample) in out.chunks_exact_mut(channels).zip(samples) {
             frame.iter_mut().enumerate().for_each(|(c, x)| *x = value(sample, c));
         }
         self.times.push((self.next, time_ns));

@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering::Relaxed;
 
 use super::run::{self, RUN_BEHIND};
-use super::{Clock, Controls, Driver, Options, Ticker, sleep};
+use super::{Clock, Controls, Driver, Options, Ticker, sleep_until};
 use crate::now_ns;
 use crate::ramp::Level;
 
@@ -16,7 +16,7 @@ const NAP_NS: u64 = 20_000_000;
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
 pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<Driver<T>> {
-    Driver::thread(Clock::Timer, Controls::new(options, None), |controls| run(ticker, controls))
+    Driver::thread(Clock::Timer, Controls::new(options), |controls| run(ticker, controls))
 }
 
 fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
@@ -32,7 +32,7 @@ fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
         let tick = ticker.next_tick();
         let (due, now) = (due_of(tick), now_ns());
         if due > now {
-            sleep::until(due.min(now + NAP_NS));
+            sleep_until(due.min(now + NAP_NS));
             if now_ns() < due {
                 continue;
             }

@@ -15,12 +15,10 @@ opaque_debug!(MicWriter, MicReader);
 /// Room of the queue [s].
 const ROOM_S: f64 = 1.0;
 
-/// Figures that both sides share.
 #[derive(Debug, Default)]
 struct Shared {
     /// Frames of the longest recent block, at most half the room.
     block: AtomicUsize,
-    /// Frames lost for want of room.
     lost: AtomicU64,
     /// Frames missing when a tick needed them.
     missing: AtomicU64,
@@ -159,7 +157,6 @@ impl MicReader {
         true
     }
 
-    /// A channel's samples of this tick.
     pub(super) fn read(&self, channel: usize, samples: &mut [f32]) {
         let frames = self.scratch.chunks_exact(self.channels);
         for (y, frame) in samples.iter_mut().zip(frames) {
@@ -167,7 +164,6 @@ impl MicReader {
         }
     }
 
-    /// Skips frames without a tick.
     pub(super) fn skip(&mut self, frames: usize) {
         self.from.skip(frames * self.channels);
     }

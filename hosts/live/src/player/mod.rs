@@ -179,7 +179,6 @@ impl Player {
         }
     }
 
-    /// Sends force models to devices.
     fn push_back(&mut self) {
         let engine = &self.engine;
         for (node, max_force_n, writer) in &self.wiring.forces {

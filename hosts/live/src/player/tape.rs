@@ -14,7 +14,6 @@ opaque_debug!(TapeReader);
 /// Room for values that nobody reads [s].
 const ROOM_S: f64 = 4.0;
 
-/// Side of the tick thread.
 pub(crate) struct TapeWriter {
     node: usize,
     /// A probe records its input, another sink its output.

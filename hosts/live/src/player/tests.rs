@@ -3,63 +3,41 @@ use asperity_diagnostics::Source;
 use asperity_engine::Options;
 use asperity_graph::{Compiled, GraphFile, compile};
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, Registry, Resume, Setup,
-    ShapeSpec, Status, Tick, Unit,
+    Descriptor, Input, NodeKind, Output, Param, Prepared, Processor, Registry, Resume, Setup, ShapeSpec,
+    Status, Tick, Unit,
 };
 use ringbuf::HeapRb;
 use ringbuf::traits::Split;
 
-/// A surface of some stiffness.
-struct Surface(f64);
-
-impl Node for Surface {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("surface", "A surface.")
-            .output(Output::new("plane", ShapeSpec::Control(3), Unit::NONE))
-            .output(Output::new("stiffness", ShapeSpec::Control(1), Unit::NONE))
-            .param(Param::number("stiffness", 1.0, 0.0..=10.0, "Stiffness."))
-    }
-
-    fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(setup.params.number("stiffness"))))
-    }
-}
+/// A surface of some stiffness, or a wall that takes one.
+struct Surface(Option<f64>);
 
 impl Processor for Surface {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        tick.outputs.control(0).fill(1.0);
-        tick.outputs.set(1, self.0);
+        if let Some(stiffness) = self.0 {
+            tick.outputs.control(0).fill(1.0);
+            tick.outputs.set(1, stiffness);
+        }
         Status::Continue
     }
 
     fn reset(&mut self) {}
 }
 
-/// Takes a surface.
-struct Wall;
-
-impl Node for Wall {
-    fn descriptor() -> Descriptor {
-        Descriptor::new("wall", "Takes a surface.")
-            .input(Input::new("plane", ShapeSpec::Control(3), Unit::NONE))
-            .input(Input::new("normal", ShapeSpec::Control(3), Unit::NONE))
-            .input(Input::new("stiffness", ShapeSpec::Control(1), Unit::NONE))
-            .input(Input::new("damping", ShapeSpec::Control(1), Unit::NONE))
-            .resumes(Resume::Never)
-            .sink()
-    }
-
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self))
-    }
-}
-
-impl Processor for Wall {
-    fn process(&mut self, _: &mut Tick<'_>) -> Status {
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
+fn registry() -> Registry {
+    let input = |name, values| Input::new(name, ShapeSpec::Control(values), Unit::NONE);
+    let surface = Descriptor::new("surface", "A surface.")
+        .output(Output::new("plane", ShapeSpec::Control(3), Unit::NONE))
+        .output(Output::new("stiffness", ShapeSpec::Control(1), Unit::NONE))
+        .param(Param::number("stiffness", 1.0, 0.0..=10.0, "Stiffness."));
+    let wall = Descriptor::new("wall", "Takes a surface.").resumes(Resume::Never).sink();
+    let wall = wall.input(input("plane", 3)).input(input("normal", 3));
+    let wall = wall.input(input("stiffness", 1)).input(input("damping", 1));
+    let stiff = |setup: &Setup<'_>| Ok(Prepared::new(Surface(Some(setup.params.number("stiffness")))));
+    let mut registry = Registry::new();
+    registry.add(Arc::new(NodeKind::new(surface, stiff)));
+    registry.add(Arc::new(NodeKind::new(wall, |_| Ok(Prepared::new(Surface(None))))));
+    registry
 }
 
 fn compiled(stiffness: f64) -> Compiled {
@@ -70,8 +48,7 @@ fn compiled(stiffness: f64) -> Compiled {
             ("it.stiffness", "wall.damping")])"#
     );
     let graph = GraphFile::parse(&Source::new("test.ron", &text)).expect("a graph");
-    compile(&graph, &Registry::new().with::<Surface>().with::<Wall>(), Default::default())
-        .expect("it compiles")
+    compile(&graph, &registry(), Default::default()).expect("it compiles")
 }
 
 /// A wiring that looks at its stiffness and pushes back with it.
@@ -91,7 +68,7 @@ fn wiring(
         forces: vec![(at("wall"), 3.0, Arc::new(parking_lot::Mutex::new(writer)))],
         scopes: vec![Scope { node: at("it"), output: 1, to }],
         tapes: Vec::new(),
-        meters: std::sync::Arc::new(NodeMeters::new(&compiled.schedule, None)),
+        meters: Arc::new(NodeMeters::new(&compiled.schedule, None)),
         spent: vec![0; compiled.schedule.nodes.len()],
     };
     (Box::new(wiring), seen)

@@ -1,12 +1,12 @@
-//! An open device.
+//! An open device, and a process that plays silence until it is given another one.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use asperity_audio::{Capture, Captured, OpenError, Process, Request, Stream, open};
-use parking_lot::Mutex;
+use asperity_audio::{Block, Capture, Captured, OpenError, Process, Request, Stream, open};
+use parking_lot::{Mutex, MutexGuard};
 
-use super::switch::Switch;
+use crate::dll::Dll;
 use crate::player::MicWriter;
 use crate::realtime::{ask_priority, touch_stack};
 
@@ -21,7 +21,6 @@ const STACK: usize = 32_768;
 pub(super) struct Card {
     pub(super) stream: Stream,
     switch: Switch,
-    /// Whether its driver has begun.
     pub(super) playing: bool,
     pub(super) opened: Instant,
 }
@@ -75,7 +74,6 @@ impl Card {
         Ok(Self { stream, switch, playing: false, opened: Instant::now() })
     }
 
-    /// Request for exactly this device.
     pub(super) fn pinned(&self, request: &Request) -> Request {
         let (device, input_device) = (Some(self.stream.id()), self.stream.input_id());
         Request { host: None, device, input_device, ..request.clone() }
@@ -98,9 +96,105 @@ impl Card {
         format!("{} ({})", self.stream.name(), self.stream.host())
     }
 
-    /// Gives the device what it plays.
     pub(super) fn give(&mut self, process: impl Process + 'static) {
         self.switch.give(Box::new(process));
         self.playing = true;
+    }
+}
+
+/// Time at the start that does not count: a device fills its buffer first [ns].
+const FILL_NS: u64 = 50_000_000;
+
+/// Process that a device calls from its start on. Both sides take it by `try_lock` alone; the device plays a
+/// block of silence while the control thread looks.
+#[derive(Clone)]
+pub(super) struct Switch(Arc<Mutex<Inside>>);
+
+struct Inside {
+    dll: Dll,
+    began_ns: Option<u64>,
+    process: Option<Box<dyn Process>>,
+}
+
+impl Switch {
+    pub(super) fn new(rate_hz: u32) -> Self {
+        Self(Arc::new(Mutex::new(Inside { dll: Dll::new(rate_hz), began_ns: None, process: None })))
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Inside> {
+        loop {
+            if let Some(it) = self.0.try_lock() {
+                return it;
+            }
+            std::thread::sleep(Duration::from_micros(100));
+        }
+    }
+
+    /// Calls that were measured, and frames a wake-up (all calls of a bunch together); 0 for none.
+    pub(super) fn heard(&self) -> (u64, u32) {
+        let line = *self.lock().dll.line();
+        (line.callbacks, line.period_frames as u32)
+    }
+
+    pub(super) fn give(&self, process: Box<dyn Process>) {
+        self.lock().process = Some(process);
+    }
+}
+
+impl Process for Switch {
+    fn process(&mut self, block: &mut Block<'_>) {
+        let Some(mut it) = self.0.try_lock() else { return };
+        if let Some(process) = &mut it.process {
+            process.process(block);
+        } else if block.now_ns.saturating_sub(*it.began_ns.get_or_insert(block.now_ns)) > FILL_NS {
+            it.dll.callback(block.now_ns, block.frames() as u64);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Silence;
+
+    impl Process for Silence {
+        fn process(&mut self, _: &mut Block<'_>) {}
+    }
+
+    fn call(switch: &mut Switch, now_ns: u64, frames: u64) {
+        let mut output = vec![1.0; frames as usize];
+        switch.process(&mut Block { output: &mut output, channels: 1, now_ns });
+    }
+
+    /// A device that is awake every `every` frames, and then asks for as many calls of `frames` as have
+    /// come due.
+    #[test]
+    fn bunched_calls_are_one_wake_up_and_first_fill_is_none() {
+        for (every, frames, prefill, late, period) in [
+            (128, 73, 292, None, 146),
+            // 96 frames are a tick of 2 ms: a call fits, a wake-up of this device does not.
+            (96, 64, 256, None, 128),
+            (2048, 512, 4096, None, 2048),
+            (64, 64, 256, None, 64),
+            (64, 64, 64, Some(60), 64),
+            (64, 64, 256, Some(60), 64),
+            (16_384, 16_384, 16_384, None, 16_384),
+        ] {
+            let (mut switch, mut asked, mut now) = (Switch::new(48_000), 0, 1_000_000_000);
+            for wake in 0..16 + 3_000 / every {
+                let came = now + if late == Some(wake) { every * 20_000 } else { 0 };
+                let calls = (wake * every + prefill - asked) / frames;
+                (0..calls).for_each(|n| call(&mut switch, came + n * 5_000, frames));
+                asked += calls * frames;
+                now += every * 1_000_000_000 / 48_000;
+            }
+            let (calls, found) = switch.heard();
+            let what = format!("{every} frames, calls of {frames}, {late:?}: {found}");
+            assert!(calls >= 8 && (period - 2..=period).contains(&found), "{what}");
+            switch.give(Box::new(Silence));
+            call(&mut switch, now, 9 * frames);
+            assert_eq!(switch.heard(), (calls, found), "it is given work");
+        }
     }
 }

@@ -53,7 +53,6 @@ pub trait CoilMonitor: Send + std::fmt::Debug {
 
 /// The coil monitor during a run.
 pub(super) struct Custody {
-    /// Set once the device is open.
     monitor: Option<Box<dyn CoilMonitor>>,
     limits: SharedLimits,
     seen: Arc<Seen>,

@@ -2,7 +2,6 @@
 
 mod card;
 mod custody;
-mod switch;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, channel};
@@ -12,7 +11,7 @@ use asperity_audio::{OpenError, Request};
 use asperity_node::{Diagnostic, Fact};
 
 use crate::driver::{Clock, Controls, Driver, Options, callback, choose, paced, timer};
-use crate::latency::of_graph;
+use crate::layout::latency;
 use crate::meters::Meters;
 use crate::player::MicWriter;
 use crate::realtime::{Grant, Grants, Machine, PRIORITY};
@@ -94,13 +93,11 @@ pub struct Session {
     card: Option<Card>,
     options: SessionOptions,
     mic: Option<card::Recorder>,
-    /// Watches what the device records.
     listener: Option<Listener>,
     meters: Arc<Meters>,
     machine: Option<Machine>,
     /// Whether refusals of the system were reported.
     told: bool,
-    /// Set while the device is lost.
     loss: Option<Loss>,
     /// Name of the device for a person, kept while it is lost.
     name: String,
@@ -295,7 +292,7 @@ impl Session {
         let schedule = self.graph_controller.schedule();
         items.push(("tick: mean wait for the next one".to_owned(), 500.0 / f64::from(schedule.tick_hz)));
         items.push(("clock: lead before the callback".to_owned(), controls.lead_ns() as f64 * 1e-6));
-        items.extend(of_graph(schedule));
+        items.extend(latency(schedule));
         if let Some(card) = &self.card {
             items.push(("device: callback to sound".to_owned(), card.stream.stats().latency_ms));
         }
@@ -375,7 +372,6 @@ impl Session {
         Ok(())
     }
 
-    /// Goes on without audio.
     fn keep_time(&mut self) -> Result<(), SessionError> {
         let Some(player) = self.take_player(Driver::take) else { return Ok(()) };
         self.driver = Some(timer(player, &self.driver_options()).map_err(SessionError::Thread)?);
@@ -431,7 +427,6 @@ impl Session {
         }
     }
 
-    /// Reports refusals of the system once.
     fn tell_refusals(&mut self) {
         let asked = self.controls().is_some_and(|c| c.priority() != Grant::NotAsked);
         if self.told || !asked {

@@ -4,8 +4,9 @@ use ratatui::crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use super::*;
 
-#[path = "plausible.rs"]
-mod plausible;
+#[path = "../../../../tests/live/page_server/made_up.rs"]
+#[allow(dead_code, unreachable_pub, reason = "the tests of the page use all of it")]
+mod made_up;
 
 const NOW: Duration = Duration::from_secs(5);
 const SIZES: [(u16, u16); 9] =
@@ -28,12 +29,21 @@ fn text(board: &mut Board, size: (u16, u16)) -> String {
     lines(&show(board, size)).join("\n")
 }
 
+/// A board that has shown a run for a second, and a view that might come next.
+fn shown() -> (Board, View) {
+    let (mut board, mut run) = (Board::default(), made_up::Run::at(4));
+    // One node less, so that all fit.
+    run.layout.nodes.pop();
+    board.lay_out(&run.layout);
+    let counted = |view| View { underruns: 2, lost_samples: 431, ..view };
+    for frame in (0..60).rev() {
+        board.take(&counted(run.view()), NOW - Duration::from_secs(1) / 60 * frame);
+    }
+    (board, counted(run.view()))
+}
+
 fn playing() -> Board {
-    let mut board = Board::default();
-    board.lay_out(&plausible::layout());
-    board.take(&plausible::view(80.0, 2.0), NOW - Duration::from_secs(3));
-    board.take(&plausible::view(83.0, 2.0), NOW);
-    board
+    shown().0
 }
 
 #[track_caller]
@@ -46,14 +56,14 @@ fn assert_shows(text: &str, wanted: &[&str]) {
 #[test]
 fn small_terminal_shows_one_pane_at_a_time() {
     let mut board = playing();
-    let always = ["graphs/live.ron", "PLAYING", "0:01:23.0", "dBFS", "deadline 2000 us", "latency 12.8 ms"];
+    let always = ["_pointer.ron", "PLAYING", "0:00:04.9", "dBFS", "deadline 2000 us", "latency 7.7 ms"];
     let always =
-        [&always[..], &["= 12.8 ms", "underruns 2", "lost 431", "faults 1", "q stop", "3 set"]].concat();
+        [&always[..], &["device 2.7 =", "underruns 2", "lost 431", "faults 0", "q stop", "3 set"]].concat();
     let scopes = ["speed peak", "force peak", "acceleration peak", "current peak"];
     for (tab, own) in [
-        (Tab::Nodes, &["stylus", "texture", "m/s^2"][..]),
+        (Tab::Nodes, &["stylus", "texture", "m/s²"][..]),
         (Tab::Scopes, &scopes),
-        (Tab::Parameters, &["> floor.stiffness", "0.5", "0 .. 2 N/mm", "canvas"]),
+        (Tab::Parameters, &["> floor.stiffness_n_per_mm", "0.5", "0.05 .. 2 N/mm", "canvas"]),
     ] {
         board.tab = tab;
         let shown = text(&mut board, (80, 24));
@@ -67,9 +77,9 @@ fn small_terminal_shows_one_pane_at_a_time() {
 fn large_terminal_shows_everything_at_once() {
     for size in [(120, 40), (200, 60), (80, 50)] {
         let shown = text(&mut playing(), size);
-        let panes = ["timing", "latency", "sources", "nodes 12", "parameters 1 of 7", "materials", "scopes"];
+        let panes = ["timing", "latency", "sources", "nodes 12", "parameters 1 of 6", "materials", "scopes"];
         assert_shows(&shown, &panes);
-        assert_shows(&shown, &["speed peak", "current peak", "card", "guard.slew", "canvas", "? help"]);
+        assert_shows(&shown, &["speed peak", "current peak", "limiter", "gate.fade", "canvas", "? help"]);
     }
     let wide = text(&mut playing(), (200, 60));
     assert_shows(&wide, &["actuator_inverse", "hand to actuator", "audio 48000 Hz"]);
@@ -87,11 +97,11 @@ fn tiny_terminal_shows_the_condition() {
 fn node_figures_are_below_their_titles() {
     let lines = lines(&show(&mut playing(), (120, 40)));
     let title = lines.iter().position(|line| line.contains("% tick")).unwrap();
-    let texture = lines.iter().find(|line| line.contains("texture_")).unwrap();
+    let floor = lines.iter().find(|line| line.contains("virtual")).unwrap();
     let end = |line: &str, word: &str| line.find(word).map(|at| line[..at].chars().count() + word.len());
-    let figures: Vec<&str> = texture.split_whitespace().collect();
+    let figures: Vec<&str> = floor.split_whitespace().collect();
     for (column, name) in [(2, " us"), (3, "max us"), (4, "% tick"), (5, "calls")] {
-        assert_eq!(end(texture, figures[column]), end(&lines[title], name), "{name}");
+        assert_eq!(end(floor, figures[column]), end(&lines[title], name), "{name}");
     }
 }
 
@@ -120,8 +130,7 @@ fn conditions_are_words_in_terminal_colours() {
 
 #[test]
 fn underrun_and_stall_are_marked_for_two_seconds() {
-    let mut board = playing();
-    let mut view = plausible::view(83.1, 0.1);
+    let (mut board, mut view) = shown();
     view.underruns = 3;
     view.sources[0].stalls += 1;
     view.peak = 1.02;
@@ -143,9 +152,9 @@ fn underrun_and_stall_are_marked_for_two_seconds() {
 
 #[test]
 fn quarantined_node_is_red_with_its_fault() {
-    let mut board = playing();
-    let mut view = plausible::view(83.1, 0.1);
-    view.nodes[6].quarantined = true;
+    let (mut board, mut view) = shown();
+    view.nodes[5].quarantined = true;
+    view.nodes[5].last_fault = "not a number in spectrum".into();
     board.take(&view, NOW);
     let screen = show(&mut board, (120, 40));
     let lines = lines(&screen);
