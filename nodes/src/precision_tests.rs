@@ -54,7 +54,6 @@ impl Processor for Given {
         out.iter_mut().zip(mags).for_each(|(to, m)| *to = m as f32);
         Status::Continue
     }
-    fn reset(&mut self) {}
 }
 
 /// Output of the node `it` over all ticks, where `before` stands between it and the frames.

@@ -31,26 +31,17 @@ impl Node for Limiter {
             "Holds current or voltage to what the actuator stands: finite, peak, slew, heat, stroke, DC.",
         )
         .role(Role::Limiter)
-        .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_among('u', DRIVES)
-                .doc("what is asked of the coil"),
-        )
+        .input(Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE).unit_among('u', DRIVES))
+        .doc("what is asked of the coil")
         .output(audio_out("out").limited().doc("what the coil gets"))
         .param(profile)
         .param(handle)
-        .param(
-            number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Hz").live().doc("Corner of the DC removal."),
-        )
-        .param(
-            number("slew_hz", s.slew_hz, 500.0..=20_000.0, "Hz")
-                .doc("A sine at the peak is not held back up to here."),
-        )
-        .param(
-            number("release_ms", s.release_s * 1e3, 10.0..=5000.0, "ms")
-                .live()
-                .doc("How fast the gain comes back after limiting."),
-        )
+        .param(number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Hz").live())
+        .doc("Corner of the DC removal.")
+        .param(number("slew_hz", s.slew_hz, 500.0..=20_000.0, "Hz"))
+        .doc("A sine at the peak is not held back up to here.")
+        .param(number("release_ms", s.release_s * 1e3, 10.0..=5000.0, "ms").live())
+        .doc("How fast the gain comes back after limiting.")
         .resumes(Resume::Never)
     }
 

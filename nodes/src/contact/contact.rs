@@ -136,11 +136,8 @@ impl Node for Contact {
         .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
         .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
         .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))
-        .input(
-            control("stroke", 1, ONE)
-                .or(0.0)
-                .doc("another number: the stylus was put down elsewhere, and came there on no way"),
-        );
+        .input(control("stroke", 1, ONE).or(0.0))
+        .doc("another number: the stylus was put down elsewhere, and came there on no way");
         PORTS
             .iter()
             .fold(it, |it, Port(name, count, unit, doc, _)| {
@@ -159,14 +156,10 @@ impl Node for Contact {
                  the graph is refused; left out, anything goes.",
             ))
             .param(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("The most a surface pushes."))
-            .param(
-                number("crossfade_ms", 20.0, 0.1..=1000.0, "ms")
-                    .doc("How long textures of one surface take to go over into another's."),
-            )
-            .param(
-                number("hold_ms", 20.0, 0.0..=10_000.0, "ms")
-                    .doc("How long a surface's textures stay in the air, for a gate to fade them out."),
-            )
+            .param(number("crossfade_ms", 20.0, 0.1..=1000.0, "ms"))
+            .doc("How long textures of one surface take to go over into another's.")
+            .param(number("hold_ms", 20.0, 0.0..=10_000.0, "ms"))
+            .doc("How long a surface's textures stay in the air, for a gate to fade them out.")
             .param(number("anticipate_mm", 0.0, 0.0..=100.0, "mm").doc(
                 "From how far the plane of a surface is told of that is not yet touched, for a device with a \
                  loop of its own.",

@@ -83,11 +83,8 @@ impl Node for Magnet {
         Descriptor::new("magnet", "Pulls the stylus to a surface, from both sides, within a reach.")
             .input(slot("which of `magnets`, from 0; below 0 none pulls").wakes())
             .input(control("distance", 1, MM).doc("from the surface, above 0 outside"))
-            .input(
-                control("normal", 3, ONE)
-                    .or(0.0)
-                    .doc("the surface's outward normal, of length 1; unconnected, z"),
-            )
+            .input(control("normal", 3, ONE).or(0.0))
+            .doc("the surface's outward normal, of length 1; unconnected, z")
             .output(super::force("force on the stylus, x, y, z"))
             .param(texts("magnets").doc(
                 "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, \
@@ -97,21 +94,12 @@ impl Node for Magnet {
                 Effect::new("magnets", Acts::Near)
                     .form(
                         Form::new("", "(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)")
-                            .field(
-                                number("stiffness_n_per_mm", 0.0, 0.0..=100.0, "N/mm")
-                                    .required()
-                                    .doc("at the surface"),
-                            )
-                            .field(
-                                number("max_force_n", 0.0, 0.0..=1000.0, "N")
-                                    .required()
-                                    .doc("the largest force"),
-                            )
-                            .field(
-                                number("reach_mm", 1.0, 1e-3..=1000.0, "mm")
-                                    .required()
-                                    .doc("how far it pulls"),
-                            ),
+                            .field(number("stiffness_n_per_mm", 0.0, 0.0..=100.0, "N/mm").required())
+                            .doc("at the surface")
+                            .field(number("max_force_n", 0.0, 0.0..=1000.0, "N").required())
+                            .doc("the largest force")
+                            .field(number("reach_mm", 1.0, 1e-3..=1000.0, "mm").required())
+                            .doc("how far it pulls"),
                     )
                     .needs("distance", "distance")
                     .needs("normal", "normal")
@@ -136,8 +124,6 @@ impl Processor for Magnet {
         put(tick, normal.map(|n| force * n));
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 
     fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("slots", self.magnets.len() as u64)]

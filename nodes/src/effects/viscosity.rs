@@ -54,10 +54,8 @@ impl Node for Viscosity {
             "Drag: a force against the velocity, by the volume that the stylus is in.",
         )
         .input(slot("which of `drags`, from 0; below 0 the stylus is in none").wakes())
-        .input(
-            control("velocity", 3, MM_S)
-                .doc("x, y, z, as it is: behind a low-pass drag drives what it should brake"),
-        )
+        .input(control("velocity", 3, MM_S))
+        .doc("x, y, z, as it is: behind a low-pass drag drives what it should brake")
         .output(super::force("force on the stylus, x, y, z"))
         .param(texts("drags").doc(
             "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: \
@@ -67,11 +65,8 @@ impl Node for Viscosity {
             Effect::new("drags", Acts::Inside)
                 .form(
                     Form::new("", "(viscosity_ns_per_m: 2, max_force_n: 1.5)")
-                        .field(
-                            number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m")
-                                .required()
-                                .doc("force per speed"),
-                        )
+                        .field(number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m").required())
+                        .doc("force per speed")
                         .field(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("the largest force")),
                 )
                 .needs("velocity", "unfiltered")
@@ -94,8 +89,6 @@ impl Processor for Viscosity {
         put(tick, force);
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 
     fn facts(&mut self) -> Vec<Fact> {
         vec![Fact::count("slots", self.drags.len() as u64)]

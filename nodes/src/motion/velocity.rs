@@ -44,22 +44,15 @@ impl Node for Velocity {
         )
         .role(Role::Velocity)
         .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
-        .input(
-            control("stroke", 1, ONE)
-                .or(0.0)
-                .doc("another number: the stylus was put down elsewhere, and what lies between is no motion"),
-        )
+        .input(control("stroke", 1, ONE).or(0.0))
+        .doc("another number: the stylus was put down elsewhere, and what lies between is no motion")
         .output(control_out("velocity", 2, MM_S).doc("vx, vy"))
         .output(control_out("speed", 1, MM_S).doc("planar speed, at least 0"))
         .output(control_out("spatial", 3, MM_S).doc("vx, vy, vz"))
-        .output(
-            control_out("unfiltered", 3, MM_S)
-                .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable"),
-        )
-        .param(
-            number("cutoff_hz", 20.0, 0.0..=1000.0, "Hz")
-                .doc("Corner of the low-pass (Butterworth) at rest; 0 for none."),
-        )
+        .output(control_out("unfiltered", 3, MM_S))
+        .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable")
+        .param(number("cutoff_hz", 20.0, 0.0..=1000.0, "Hz"))
+        .doc("Corner of the low-pass (Butterworth) at rest; 0 for none.")
         .param(number("cutoff_hz_per_mm_s", 0.0, 0.0..=10.0, "Hz per mm/s").doc(
             "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in \
              motion.",

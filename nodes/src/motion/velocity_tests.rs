@@ -24,7 +24,6 @@ impl Processor for Moved {
         tick.outputs.control(0).copy_from_slice(&[60.0 * s, 0.0, 0.0]);
         Status::Continue
     }
-    fn reset(&mut self) {}
 }
 
 /// The reported speed in ticks from `from` on. `lost` ticks are lost, beginning with the first in which the

@@ -6,6 +6,7 @@ use asperity_node::{
     Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
 };
 
+use super::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
@@ -57,9 +58,9 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         "tracked" => Partials::Tracked,
         _ => Partials::Noise,
     };
-    let framing = super::framing(setup)?;
-    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed_of(setup))
-        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    let framing = framing(setup)?;
+    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, seed_of(setup))
+        .map_err(kernel_error(setup))?;
     let it = Running::<T> { kernel, framing, started: false, bad: 0 };
     let (early, hop) = (Latency::ratio(-(framing.fft_len as i64), 2 * i64::from(framing.rate_hz)), it.hop());
     Ok(Prepared::new(it).latency(early + hop).tail(hop))

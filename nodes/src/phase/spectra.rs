@@ -69,9 +69,8 @@ impl Node for PhaseVocoder {
             "Start phases: quadratic beats least and spreads the energy over the window, zero puts it at one \
              instant.",
         ))
-        .param(choice("level", &["keep", "plain"]).doc(
-            "Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.",
-        ))
+        .param(choice("level", &["keep", "plain"]))
+        .doc("Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.")
         .param(ports::seed().doc("Seed of random start phases; left out, from the graph's."))
         .param(precision())
         // Phases follow from the frame's place in time.

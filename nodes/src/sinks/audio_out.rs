@@ -30,27 +30,17 @@ impl Node for AudioOut {
         )
         .role(Role::AudioOutput)
         .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
-                .unit_among('u', DRIVES)
-                .limited()
-                .doc("what drives the coil, behind a limiter"),
+            Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_among('u', DRIVES).limited(),
         )
-        .output(
-            Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
-                .doc("what the device plays"),
-        )
-        .param(
-            number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V")
-                .doc("Peak volts the card puts out at full scale."),
-        )
-        .param(
-            number("amps_per_volt", 1.0, 1e-3..=100.0, "A/V")
-                .doc("Gain of a current amplifier behind the card (input in A)."),
-        )
-        .param(
-            number("volts_per_volt", 1.0, 1e-3..=1000.0, "")
-                .doc("Gain of a voltage amplifier behind the card (input in V)."),
-        )
+        .doc("what drives the coil, behind a limiter")
+        .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE))
+        .doc("what the device plays")
+        .param(number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V"))
+        .doc("Peak volts the card puts out at full scale.")
+        .param(number("amps_per_volt", 1.0, 1e-3..=100.0, "A/V"))
+        .doc("Gain of a current amplifier behind the card (input in A).")
+        .param(number("volts_per_volt", 1.0, 1e-3..=1000.0, ""))
+        .doc("Gain of a voltage amplifier behind the card (input in V).")
         .sink()
     }
 

@@ -29,21 +29,12 @@ impl Node for Resample {
             "resample",
             "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.",
         )
-        .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE)
-                .unit_of('u')
-                .doc("the signal at its own rate"),
-        )
-        .output(
-            Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
-                .unit_of('u')
-                .doc("the same at the other rate"),
-        )
-        .param(
-            integer("rate_hz", 0, 0..=192_000)
-                .unit("Hz")
-                .doc("The output's rate; 0 for the graph's audio rate."),
-        )
+        .input(Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE).unit_of('u'))
+        .doc("the signal at its own rate")
+        .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_of('u'))
+        .doc("the same at the other rate")
+        .param(integer("rate_hz", 0, 0..=192_000).unit("Hz"))
+        .doc("The output's rate; 0 for the graph's audio rate.")
         .param(choice("phase", &["linear", "minimum"]).doc(
             "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high \
              frequencies.",

@@ -8,7 +8,7 @@ use asperity_node::{
     ShapeSpec, Status, Tick, Unit,
 };
 
-use crate::phase::{framing, seed_of};
+use crate::phase::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Scatters magnitudes about their expected values, as those of noise, or of lines in noise, scatter.
@@ -37,16 +37,10 @@ impl Node for Scatter {
             "variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes \
              are means",
         ))
-        .output(
-            Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("magnitudes that one signal may have"),
-        )
-        .param(
-            number("strength", 1.0, 0.0..=1.0, "")
-                .live()
-                .doc("How far magnitudes scatter: 0 leaves them as they are."),
-        )
+        .output(Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).unit_of('u'))
+        .doc("magnitudes that one signal may have")
+        .param(number("strength", 1.0, 0.0..=1.0, "").live())
+        .doc("How far magnitudes scatter: 0 leaves them as they are.")
         .param(seed().doc("Seed of the noise; left out, from the graph's."))
         .param(precision())
         .timing("no latency: a frame comes out in the tick in which it comes")
@@ -60,8 +54,7 @@ impl Node for Scatter {
 }
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-    let kernel = scatter::Scatter::new(framing(setup)?, seed_of(setup))
-        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    let kernel = scatter::Scatter::new(framing(setup)?, seed_of(setup)).map_err(kernel_error(setup))?;
     Ok(Prepared::new(Running::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
 }
 
@@ -80,8 +73,6 @@ impl<T: Float> Processor for Running<T> {
         self.bad += self.kernel.process(frame.index, frame.bins, known, self.strength, out) as u64;
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 
     fn set_parameter(&mut self, index: usize, value: f64) {
         if index == 0 {

@@ -25,10 +25,8 @@ impl Node for Gain {
             .input(like("in").doc("what is multiplied"))
             .output(like_out("out").doc("the product"))
             .param(number("gain", 1.0, -1e6..=1e6, "").live().doc("The factor."))
-            .param(
-                text("unit", "")
-                    .doc("Unit of the output, where the factor changes it; empty keeps the input's."),
-            )
+            .param(text("unit", ""))
+            .doc("Unit of the output, where the factor changes it; empty keeps the input's.")
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

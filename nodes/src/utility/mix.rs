@@ -75,6 +75,4 @@ impl Processor for Mix {
         }
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 }

@@ -266,10 +266,7 @@ impl Voice for Rubbing {
     /// Bend of the bristle.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.bent_mm);
-        if state.restores() && !self.bent_mm.iter().all(|z| z.abs() < 1e12) {
-            self.reset();
-            state.refuse();
-        }
+        state.require(self.bent_mm.iter().all(|z| z.abs() < 1e12));
     }
 }
 

@@ -81,14 +81,11 @@ fn effect() -> Effect {
     )
     .field(coefficient("static_coefficient", usual.static_coefficient))
     .field(coefficient("kinetic_coefficient", usual.kinetic_coefficient))
-    .field(
-        number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.01..=1000.0, "mm/s").doc("where it slips"),
-    )
+    .field(number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.01..=1000.0, "mm/s"))
+    .doc("where it slips")
     .field(bristle(usual.bristle_stiffness_n_per_mm))
-    .field(
-        number("bristle_damping_ns_per_m", usual.bristle_damping_ns_per_m, 0.0..=1000.0, "N s/m")
-            .doc("damping of what sticks"),
-    )
+    .field(number("bristle_damping_ns_per_m", usual.bristle_damping_ns_per_m, 0.0..=1000.0, "N s/m"))
+    .doc("damping of what sticks")
     .field(viscosity(usual.viscosity_s_per_mm));
     Effect::new("laws", Acts::Touching)
         .form(viscous_coulomb)
@@ -110,11 +107,8 @@ impl Node for Friction {
             "Force against the motion along a surface, by the law of the one that is touched.",
         )
         .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
-        .input(
-            control("velocity", 2, MM_S).doc(
-                "along the two tangents, as it is: behind a low-pass friction drives what it should brake",
-            ),
-        )
+        .input(control("velocity", 2, MM_S))
+        .doc("along the two tangents, as it is: behind a low-pass friction drives what it should brake")
         .input(control("force", 1, N).doc("normal force"))
         .input(control("tangents", 6, ONE).or(0.0).doc(
             "two directions along the surface, of length 1: x, y, z of the first, then of the second; \
@@ -164,10 +158,7 @@ impl Processor for Friction {
     fn state(&mut self, state: &mut State<'_>) {
         self.laws.state(state);
         state.keep(&mut self.tangents);
-        if state.restores() && !self.tangents.as_flattened().iter().all(|x| x.is_finite()) {
-            self.tangents = FLAT;
-            state.refuse();
-        }
+        state.require(self.tangents.as_flattened().iter().all(|x| x.is_finite()));
     }
 
     fn facts(&mut self) -> Vec<Fact> {

@@ -20,7 +20,6 @@ impl Processor for Playing {
         }
         Status::Continue
     }
-    fn reset(&mut self) {}
 }
 
 /// A script, the node `it`, and the nodes after it.

@@ -9,7 +9,7 @@ use asperity_scene::Heights;
 use super::bench::{Bench, largest_step, refused, spans};
 use crate::effects::gliding::Kernel as _;
 use crate::effects::path::{Parts, Path};
-use crate::effects::relief::{Follower, HeightSpline, ReliefSettings};
+use crate::effects::relief::{Follower, HeightSpline};
 use crate::effects::waveform::{Reader, WaveformQuantity, WaveformTable};
 
 /// Slot, place, stroke and level of a tick.
@@ -49,14 +49,14 @@ fn place(tick: u64, tick_hz: u32) -> [f64; 2] {
     [20.0 * (5.0 * t).cos(), 15.0 * (6.0 * t).sin()]
 }
 
-fn loops() -> [(Arc<WaveformTable>, f64); 2] {
+fn loops() -> [Reader; 2] {
     let drawn = WaveformQuantity::Acceleration { reference_speed_mm_s: 80.0, speed_exponent: 1.0 };
     let table = |segments: &[(f64, f64)], spacing, quantity| {
         Arc::new(WaveformTable::from_segments(segments, spacing, 0.0, quantity).unwrap())
     };
     [
-        (table(&[(0.0, 0.0), (0.3, 1.0), (1.0, 0.0)], 0.02, drawn), 1.0),
-        (table(&[(0.0, 0.0), (0.5, 0.02), (1.3, 0.0)], 0.05, WaveformQuantity::Height), 0.5),
+        Reader::new(table(&[(0.0, 0.0), (0.3, 1.0), (1.0, 0.0)], 0.02, drawn), 1.0),
+        Reader::new(table(&[(0.0, 0.0), (0.5, 0.02), (1.3, 0.0)], 0.05, WaveformQuantity::Height), 0.5),
     ]
 }
 
@@ -83,20 +83,20 @@ fn a_waveform_is_its_kernel_along_the_path_of_places() {
         let loops_text = format!("[{LOOP:?}, {:?}]", format!("[{LOOP}, {OTHER}]"));
         let play = move |tick: u64| (if tick < 200 { 0.0 } else { 1.0 }, place(tick, tick_hz), 0.0, 1.0);
         let (run, _) = bench(tick_hz, rate, "waveform", &[("loops", &loops_text)], play).run("it", 400);
-        let [(drawn, _), (height, gain)] = loops();
-        let mut on = vec![(Reader::new(drawn.clone()), 1.0)];
+        let [drawn, height] = loops();
+        let mut on = vec![drawn.clone()];
         for ((tick, path), (_, first, len)) in
             paths(0..400, tick_hz, |t| place(t, tick_hz)).zip(spans(400, rate, tick_hz).skip(1))
         {
             if tick == 200 {
-                on = vec![(Reader::new(drawn.clone()), 1.0), (Reader::new(height.clone()), gain)];
+                on = vec![drawn.clone(), height.clone()];
             }
             let parts = Parts::new(tick, first, rate, tick_hz);
             let mut want = vec![0.0_f64; len];
-            for (kernel, gain) in &mut on {
+            for kernel in &mut on {
                 let mut part = vec![0.0_f64; len];
                 kernel.process(&path, &parts, &mut part);
-                want.iter_mut().zip(part).for_each(|(sum, x)| *sum += *gain * x);
+                want.iter_mut().zip(part).for_each(|(sum, x)| *sum += x);
             }
             if tick == 1 || tick == 200 {
                 want.iter_mut().enumerate().for_each(|(n, x)| *x *= parts.at(n));
@@ -176,14 +176,13 @@ fn relief_is_its_kernel_along_path_smoothed_or_not() {
             };
             (0..300).map(one).collect()
         };
-        let settings = ReliefSettings { cutoff_hz: 800.0, max_m_s2: 100.0 };
-        let mut kernel = Follower::new(settings, rate).unwrap();
+        let mut kernel = Follower::new(800.0, 100.0, rate).unwrap();
         for ((tick, path), (_, first, len)) in
             paths(0..300, tick_hz, |t| smoothed[t as usize]).zip(spans(300, rate, tick_hz).skip(1))
         {
             let mut want = vec![0.0_f64; len];
             let parts = Parts::new(tick, first, rate, tick_hz);
-            kernel.process(&spline, &path, &parts, &mut want);
+            kernel.process((|x, y| spline.jet(x, y), spline.step_mm()), &path, &parts, &mut want);
             for (n, (y, x)) in run.audio[first as usize..].iter().zip(want).enumerate() {
                 let x = if tick == 1 { 0.5 * x * parts.at(n) } else { 0.5 * x };
                 assert_eq!(*y, x as f32, "tick {tick}");
