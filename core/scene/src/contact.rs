@@ -6,7 +6,7 @@ use asperity_state::State;
 
 use super::state::{ContactSettings, ContactState, Motion, Pull, Voice};
 use super::{NETWORK, Scene, Slots};
-use crate::space::{Contact, Entry, Hold, Index};
+use crate::space::{Contact, Entry, Hold, Index, dot};
 
 /// Least depth at which a stylus touches a surface \[mm\].
 const TOUCHED_MM: f64 = 1e-6;
@@ -35,13 +35,23 @@ impl EffectNames {
     }
 }
 
-/// The wall of a surface. Its slots stand in [`Contacts::wall_slots`].
-#[derive(Clone, Copy, Debug)]
+/// The wall of a surface, and the slots of its effects.
+#[derive(Clone, Debug)]
 struct Wall {
     number: f64,
     stiffness_n_per_mm: f64,
     damping_ns_per_m: f64,
     material: f64,
+    touching: Vec<f64>,
+    inside: Vec<f64>,
+    textures: Vec<f64>,
+}
+
+/// A surface without a stiffness, and its slots of `inside`.
+#[derive(Clone, Debug)]
+struct Volume {
+    number: f64,
+    inside: Vec<f64>,
 }
 
 /// Surfaces with an effect that acts from both sides of them.
@@ -70,39 +80,27 @@ const APPROACH_S: f64 = 0.02;
 /// Most places that this measurement keeps.
 const MOST_PLACES: f64 = 80.0;
 
-/// Places of a stylus in the last ticks.
+/// Places of a stylus in the last ticks, the newest first.
 #[derive(Clone, Debug)]
 struct Past {
-    /// Ring buffer.
     places: Vec<[f64; 3]>,
-    next: usize,
     known: usize,
 }
 
 impl Past {
     fn new(ticks: f64) -> Self {
-        Self { places: vec![[0.0; 3]; ticks.ceil().clamp(1.0, MOST_PLACES) as usize], next: 0, known: 0 }
+        Self { places: vec![[0.0; 3]; ticks.ceil().clamp(1.0, MOST_PLACES) as usize], known: 0 }
     }
 
     fn add(&mut self, place: [f64; 3]) {
-        if let Some(to) = self.places.get_mut(self.next) {
-            *to = place;
-        }
-        self.next = (self.next + 1) % self.places.len();
+        self.places.rotate_right(1);
+        self.places[0] = place;
         self.known = (self.known + 1).min(self.places.len());
     }
 
     /// Gives the age in ticks and the place of each entry, oldest first.
-    fn iter(&self) -> impl Iterator<Item = (u32, [f64; 3])> {
-        let count = self.places.len();
-        (1..=self.known)
-            .rev()
-            .filter_map(move |ago| Some((ago as u32, *self.places.get((self.next + count - ago) % count)?)))
-    }
-
-    fn is_sound(&self) -> bool {
-        let finite = self.places.iter().flatten().all(|x| x.is_finite());
-        finite && self.next < self.places.len() && self.known <= self.places.len()
+    fn oldest_first(&self) -> impl Iterator<Item = (usize, [f64; 3])> {
+        self.places[..self.known].iter().copied().enumerate().rev().map(|(before, place)| (before + 1, place))
     }
 }
 
@@ -126,12 +124,8 @@ pub struct Contacts {
     tick_s: f64,
     walls: Index,
     of_walls: Vec<Wall>,
-    /// Slots of the walls. Each wall has its slots of `touching`, of `inside` and of `textures`.
-    wall_slots: Vec<f64>,
-    zones: Index,
-    /// Numbers of the volumes. `zone_slots` has the slots of `inside` of each.
-    of_zones: Vec<f64>,
-    zone_slots: Vec<f64>,
+    volumes: Index,
+    of_volumes: Vec<Volume>,
     near: Vec<Near>,
     /// Wall and volume that are touched.
     held: [Option<Hold>; 2],
@@ -170,33 +164,32 @@ impl Contacts {
         settings: ContactSettings,
         run_hz: f64,
     ) -> Result<Self, Diagnostic> {
-        let all = |names: &[String]| -> Vec<Slots> { names.iter().map(|name| scene.slots(name)).collect() };
-        let [touching, inside, textures] = [&names.touching, &names.inside, &names.textures].map(|n| all(n));
-        let network = scene.slots(NETWORK);
-        let slot = |slots: &Slots, number: usize| -> f64 {
-            slots.of.get(number).copied().flatten().map_or(NONE, |slot| slot as f64)
+        let slots = |names: &[String]| -> Vec<Slots> { names.iter().map(|name| scene.slots(name)).collect() };
+        let [touching, inside, textures] = [&names.touching, &names.inside, &names.textures].map(|n| slots(n));
+        let network = [scene.slots(NETWORK)];
+        let of = |all: &[Slots], number: usize| -> Vec<f64> {
+            let slot = |slots: &Slots| slots.of.get(number).copied().flatten();
+            all.iter().map(|slots| slot(slots).map_or(NONE, |slot| slot as f64)).collect()
         };
-        let (mut walls, mut of_walls, mut wall_slots) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut zones, mut of_zones, mut zone_slots) = (Vec::new(), Vec::new(), Vec::new());
-        for (number, touchable) in scene.surfaces.iter().enumerate() {
+        let (mut walls, mut of_walls, mut volumes, mut of_volumes) = (vec![], vec![], vec![], vec![]);
+        for (n, touchable) in scene.surfaces.iter().enumerate() {
             let entry = |reach_mm| Entry { surface: touchable.surface.clone(), reach_mm };
             let effects = &touchable.effects;
-            let of_inside = inside.iter().map(|slots| slot(slots, number));
+            let (number, inside) = (n as f64, of(&inside, n));
             if let Some(stiffness) = &effects.stiffness {
                 walls.push(entry(settings.anticipate_mm));
                 of_walls.push(Wall {
-                    number: number as f64,
+                    number,
                     stiffness_n_per_mm: stiffness.of,
                     damping_ns_per_m: effects.damping.as_ref().map_or(0.0, |d| d.of),
-                    material: slot(&network, number),
+                    material: of(&network, n)[0],
+                    touching: of(&touching, n),
+                    inside,
+                    textures: of(&textures, n),
                 });
-                wall_slots.extend(touching.iter().map(|slots| slot(slots, number)));
-                wall_slots.extend(of_inside);
-                wall_slots.extend(textures.iter().map(|slots| slot(slots, number)));
-            } else if of_inside.clone().any(|slot| slot >= 0.0) {
-                zones.push(entry(0.0));
-                of_zones.push(number as f64);
-                zone_slots.extend(of_inside);
+            } else if inside.iter().any(|slot| *slot >= 0.0) {
+                volumes.push(entry(0.0));
+                of_volumes.push(Volume { number, inside });
             }
         }
         let near = names.near.iter().map(|kind| near(scene, kind)).collect::<Result<_, _>>()?;
@@ -206,10 +199,8 @@ impl Contacts {
             tick_s: 1.0 / run_hz,
             walls: index(walls)?,
             of_walls,
-            zones: index(zones)?,
-            of_zones,
-            zone_slots,
-            wall_slots,
+            volumes: index(volumes)?,
+            of_volumes,
             near,
             held: [None; 2],
             touching: false,
@@ -232,13 +223,13 @@ impl Contacts {
     /// Numbers of walls, of volumes, and of surfaces that act from both sides.
     pub fn counts(&self) -> [usize; 3] {
         let near = self.near.iter().map(|near| near.slots.len()).sum();
-        [self.of_walls.len(), self.of_zones.len(), near]
+        [self.of_walls.len(), self.of_volumes.len(), near]
     }
 
     /// Size of the search trees in bytes.
     pub fn bytes(&self) -> usize {
         let near: usize = self.near.iter().map(|near| near.index.bytes()).sum();
-        self.walls.bytes() + self.zones.bytes() + near
+        self.walls.bytes() + self.volumes.bytes() + near
     }
 
     /// Notes that for so many ticks no place was known. A wall that the next place lies in was reached on
@@ -270,7 +261,6 @@ impl Contacts {
         self.tangents = touched.map_or(self.tangents, |contact| contact.touch.tangents);
         let tangents = self.tangents;
         let velocity_mm_s = along(tangents, motion.velocity_mm_s);
-        let wall = touched.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
         let approach = match (before, touched) {
             (Some(before), Some(contact)) if !was_touching => self.approach(before, missed, &contact),
             (None, Some(_)) if !was_touching && put_down => Some((self.settings.put_down_mm_s, 0.0)),
@@ -278,14 +268,15 @@ impl Contacts {
         };
         let (approach_mm_s, moment) = approach.unwrap_or_default();
         self.past.add(at);
-        self.fade(touched.as_ref(), wall.as_ref());
+        self.fade(touched.as_ref());
         self.place_mm = match &touched {
             Some(contact) => contact.touch.place_mm,
             None => self.onwards(self.place_mm, tangents, motion.unfiltered_mm_s),
         };
         self.follow(motion.unfiltered_mm_s, touched.as_ref());
 
-        let near = found.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
+        let wall = |contact: Option<Contact>| contact.and_then(|c| self.of_walls.get(c.entry as usize));
+        let (near, number) = (wall(found), wall(touched).map_or(NONE, |wall| wall.number));
         let depth_mm = touched.map_or(0.0, |contact| contact.touch.depth_mm);
         let (normal, plane_mm) = match found {
             Some(Contact { touch, .. }) => {
@@ -299,8 +290,8 @@ impl Contacts {
         let outward = dot(motion.unfiltered_mm_s, normal);
         let pushed =
             if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
-        let zone = self.zone(at);
-        self.slots(touched.map(|contact| contact.entry as usize), zone);
+        let volume = self.volume(at);
+        self.slots(touched.map(|contact| contact.entry as usize), volume);
         for i in 0..self.near.len() {
             self.pull(i, at);
         }
@@ -321,8 +312,8 @@ impl Contacts {
         state.velocity_mm_s = velocity_mm_s;
         state.speed_mm_s = velocity_mm_s[0].hypotenuse(velocity_mm_s[1]);
         state.slide_mm_s = along(tangents, motion.unfiltered_mm_s);
-        state.surface = wall.as_ref().map_or(NONE, |w| w.number);
-        state.volume = zone.and_then(|zone| self.of_zones.get(zone).copied()).unwrap_or(NONE);
+        state.surface = number;
+        state.volume = volume.and_then(|v| self.of_volumes.get(v)).map_or(NONE, |v| v.number);
         state.approach_mm_s = approach_mm_s;
         state.moment = moment;
         state.material = self.material;
@@ -331,17 +322,15 @@ impl Contacts {
     }
 
     /// Reports the slots of a wall and of a volume. Slots of the wall take precedence.
-    fn slots(&mut self, wall: Option<usize>, zone: Option<usize>) {
-        let (touching, inside) = (self.state.touching.len(), self.state.inside.len());
-        let each = touching + inside + self.state.textures[0].len();
-        let of_wall = wall.and_then(|wall| self.wall_slots.get(wall * each..(wall + 1) * each));
-        let of_zone = zone.and_then(|zone| self.zone_slots.get(zone * inside..(zone + 1) * inside));
+    fn slots(&mut self, wall: Option<usize>, volume: Option<usize>) {
+        let wall = wall.and_then(|wall| self.of_walls.get(wall));
+        let volume = volume.and_then(|volume| self.of_volumes.get(volume));
         for (i, slot) in self.state.touching.iter_mut().enumerate() {
-            *slot = of_wall.map_or(NONE, |slots| slots[i]);
+            *slot = wall.map_or(NONE, |wall| wall.touching[i]);
         }
         for (i, slot) in self.state.inside.iter_mut().enumerate() {
-            let of_wall = of_wall.map_or(NONE, |slots| slots[touching + i]);
-            *slot = if of_wall >= 0.0 { of_wall } else { of_zone.map_or(NONE, |slots| slots[i]) };
+            let of_wall = wall.map(|wall| wall.inside[i]).filter(|slot| *slot >= 0.0);
+            *slot = of_wall.or_else(|| Some(volume?.inside[i])).unwrap_or(NONE);
         }
     }
 
@@ -364,9 +353,9 @@ impl Contacts {
         let moment = if from.abs() <= TOUCHED_MM && to < -TOUCHED_MM { 0.0 } else { crossing(from, to)? };
         // The speed is measured over the part of the path that lies outside. In a single tick, a step of
         // the device can look like any speed or none.
-        let far = self.past.iter().find_map(|(ticks, place)| {
+        let far = self.past.oldest_first().find_map(|(ticks, place)| {
             let from = -surface.depth_mm(place);
-            (from > 0.0 && from.is_finite()).then_some((from - to) / (f64::from(ticks) * self.tick_s))
+            (from > 0.0 && from.is_finite()).then_some((from - to) / (ticks as f64 * self.tick_s))
         });
         let ticks = 1.0 + missed as f64;
         // The wall was reached in the missed ticks, or in this one.
@@ -375,11 +364,8 @@ impl Contacts {
     }
 
     /// Finds the volume that a place lies in.
-    fn zone(&mut self, at: [f64; 3]) -> Option<usize> {
-        if self.of_zones.is_empty() {
-            return None;
-        }
-        let found = self.zones.deepest(at, self.held[1]);
+    fn volume(&mut self, at: [f64; 3]) -> Option<usize> {
+        let found = self.volumes.deepest(at, self.held[1]);
         self.held[1] = found.map(|contact| contact.hold());
         Some(found?.entry as usize)
     }
@@ -390,9 +376,6 @@ impl Contacts {
             return;
         };
         *state = NO_PULL;
-        if near.slots.is_empty() {
-            return;
-        }
         let found = near.index.nearest(at, near.held);
         near.held = found.map(|contact| contact.hold());
         if let Some(Contact { entry, touch, .. }) = found {
@@ -402,9 +385,10 @@ impl Contacts {
     }
 
     /// Fades the textures towards those of the touched surface.
-    fn fade(&mut self, touched: Option<&Contact>, wall: Option<&Wall>) {
+    fn fade(&mut self, touched: Option<&Contact>) {
         let step = (self.tick_s / self.settings.crossfade_s.max(self.tick_s)).min(1.0);
-        let (Some(contact), Some(wall)) = (touched, wall) else {
+        let wall = |contact: &Contact| self.of_walls.get(contact.entry as usize);
+        let Some((contact, wall)) = touched.and_then(|contact| Some((contact, wall(contact)?))) else {
             let airborne_s = self.air_ticks as f64 * self.tick_s;
             if airborne_s > self.settings.hold_s {
                 (self.current, self.rested) = (None, true);
@@ -414,7 +398,7 @@ impl Contacts {
             return;
         };
         let step = if std::mem::take(&mut self.rested) { 1.0 } else { step };
-        if self.textures_of(contact.entry).iter().all(|slot| *slot < 0.0) {
+        if wall.textures.iter().all(|slot| *slot < 0.0) {
             self.current = None;
         } else {
             let hold = Some(contact.hold());
@@ -459,20 +443,12 @@ impl Contacts {
         if here.iter().all(|x: &f64| x.abs() < FAR_MM) { here } else { place_mm }
     }
 
-    /// Slots of the textures of a wall.
-    fn textures_of(&self, wall: u32) -> &[f64] {
-        let textures = self.state.textures[0].len();
-        let each = self.state.touching.len() + self.state.inside.len() + textures;
-        let end = (wall as usize + 1) * each;
-        self.wall_slots.get(end - textures..end).unwrap_or(&[])
-    }
-
     /// Voice as it is now. Its slots are reported beside it.
     fn voice(&mut self, number: usize) -> Voice {
         let voice = self.voices[number];
-        for i in 0..self.state.textures[number].len() {
-            let slot = voice.of.and_then(|hold| self.textures_of(hold.entry).get(i).copied());
-            self.state.textures[number][i] = slot.unwrap_or(NONE);
+        let wall = voice.of.and_then(|hold| self.of_walls.get(hold.entry as usize));
+        for (i, slot) in self.state.textures[number].iter_mut().enumerate() {
+            *slot = wall.map_or(NONE, |wall| wall.textures[i]);
         }
         Voice { level: level(voice.gain), place_mm: voice.place_mm, stroke: voice.stroke as f64 }
     }
@@ -496,8 +472,7 @@ impl Contacts {
             .keep(&mut self.air_ticks)
             .keep(&mut self.before)
             .keep(&mut self.missed)
-            .keep(&mut self.past.places[..])
-            .keep(&mut self.past.next)
+            .keep(&mut self.past.places)
             .keep(&mut self.past.known)
             .keep(&mut self.tangents)
             .keep(&mut self.place_mm)
@@ -510,23 +485,20 @@ impl Contacts {
             state.keep(&mut voice.tangents).keep(&mut voice.stroke);
         }
         state.keep(&mut self.current).keep(&mut self.rested).keep(&mut self.network).keep(&mut self.material);
-        if state.restores() {
-            let part = |x: f64| (0.0..=1.0).contains(&x);
-            let length = |tangents: &[[f64; 3]; 2]| tangents.iter().flatten().all(|x| x.abs() < 1.1);
-            let sound = self.voices.iter().all(|voice| {
-                part(voice.gain) && length(&voice.tangents) && voice.place_mm.iter().all(|x| x.abs() < FAR_MM)
-            }) && length(&self.tangents)
+        let part = |x: f64| (0.0..=1.0).contains(&x);
+        let near = |place: &[f64; 2]| place.iter().all(|x| x.abs() < FAR_MM);
+        let length = |tangents: &[[f64; 3]; 2]| tangents.iter().flatten().all(|x| x.abs() < 1.1);
+        let sound = |voice: &Fading| part(voice.gain) && length(&voice.tangents) && near(&voice.place_mm);
+        self.past.known = self.past.known.min(self.past.places.len());
+        state.require(
+            self.voices.iter().all(sound)
+                && length(&self.tangents)
                 && part(self.network)
-                && self.place_mm.iter().all(|x| x.abs() < FAR_MM)
+                && near(&self.place_mm)
                 && self.current.is_none_or(|i| i < 2)
                 && self.material.is_finite()
-                && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()))
-                && self.past.is_sound();
-            if !sound {
-                self.reset();
-            }
-            state.require(sound);
-        }
+                && self.before.iter().chain(&self.past.places).flatten().all(|x| x.is_finite()),
+        );
     }
 }
 
@@ -596,10 +568,6 @@ fn towards(gain: f64, up: bool, step: f64) -> f64 {
 /// Velocity along two directions; 0 if it is not a number.
 fn along(tangents: [[f64; 3]; 2], velocity: [f64; 3]) -> [f64; 2] {
     tangents.map(|t| Some(dot(t, velocity)).filter(|v| v.is_finite()).unwrap_or(0.0))
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use asperity_diagnostics::{Diagnostic, Place, Source, Span, nearest, one_of};
 
 use crate::space::HeightGrid;
 
-use super::{Device, Part, Placed, Scene, Touchable, effects, surface};
+use super::{Device, NETWORK, Part, Placed, Scene, Touchable, effects, surface};
 
 impl Scene {
     /// Reads a scene file.
@@ -82,9 +82,9 @@ impl Scene {
             .map(|(key, value)| touchable(key, value, &mut known))
             .collect::<Result<Vec<_>, _>>()?;
         scene.finish()?;
-        let networked = surfaces.iter().find_map(|surface| surface.effects.network.as_ref());
+        let networked = surfaces.iter().find_map(|surface| surface.effects.place(NETWORK));
         if let (Some(texture), None) = (networked, &network) {
-            return Err(error(texture, "a network texture in a scene without a network")
+            return Err(error(&texture, "a network texture in a scene without a network")
                 .help("network: (model: \"FILE.onnx\", library: \"FILE.ron\")"));
         }
         let source = source.clone();
@@ -140,11 +140,6 @@ pub(super) fn error(place: &Place, message: impl Into<String>) -> Diagnostic {
     Diagnostic::new(message).at(&place.source, place.span)
 }
 
-/// Place of a value.
-pub(super) fn place(value: &Value) -> Place {
-    Place { source: value.source().clone(), span: value.span() }
-}
-
 /// Number of a record, within a range. It is required if there is no default.
 pub(super) fn number(
     record: &mut Record<'_>,
@@ -195,12 +190,18 @@ pub(super) fn variant<'v>(
     if names.contains(&name.as_str()) {
         return Ok(name);
     }
-    let span = Span { start: value.span().start, end: value.span().start + name.len() };
+    let all = one_of("", names.iter().copied());
     let help = match nearest(name, names.iter().copied()) {
-        Some(near) => format!("did you mean `{near}`? {}", one_of("", names.iter().copied())),
-        None => one_of("", names.iter().copied()),
+        Some(near) => format!("did you mean `{near}`? {all}"),
+        None => all,
     };
-    Err(Diagnostic::new(format!("unknown {what} `{name}`")).at(value.source(), span).help(help))
+    Err(error(&word(value, name), format!("unknown {what} `{name}`")).help(help))
+}
+
+/// Place of the word that a value begins with.
+pub(super) fn word(value: &Value, word: &str) -> Place {
+    let start = value.span().start;
+    Place { source: value.source().clone(), span: Span { start, end: start + word.len() } }
 }
 
 /// Fields of a variant. A bare word has none.
@@ -210,12 +211,9 @@ pub(super) fn body<'v>(value: &'v Value, name: &str) -> Result<Option<Record<'v>
 
 fn part(value: &Value) -> Result<Part, Diagnostic> {
     match value.kind() {
-        Kind::Word(kind) => Ok(Part { kind: kind.clone(), place: place(value), settings: Vec::new() }),
+        Kind::Word(kind) => Ok(Part { kind: kind.clone(), place: value.place(), settings: Vec::new() }),
         Kind::Record { name: Some(kind), fields } => {
-            let end = value.span().start + kind.len();
-            let place =
-                Place { source: value.source().clone(), span: Span { start: value.span().start, end } };
-            Ok(Part { kind: kind.clone(), place, settings: fields.clone() })
+            Ok(Part { kind: kind.clone(), place: word(value, kind), settings: fields.clone() })
         }
         _ => Err(value
             .error(format!("expected a node's kind and its parameters, found {}", value.describe()))
@@ -225,7 +223,7 @@ fn part(value: &Value) -> Result<Part, Diagnostic> {
 
 fn fields(value: &Value, kind: &str) -> Result<Part, Diagnostic> {
     let settings = value.record(kind)?.all().to_vec();
-    Ok(Part { kind: kind.to_owned(), place: place(value), settings })
+    Ok(Part { kind: kind.to_owned(), place: value.place(), settings })
 }
 
 fn device(value: Option<&Value>, here: Place) -> Result<Device, Diagnostic> {
@@ -239,7 +237,7 @@ fn device(value: Option<&Value>, here: Place) -> Result<Device, Diagnostic> {
         place: here,
     };
     let Some(value) = value else { return Ok(device) };
-    device.place = place(value);
+    device.place = value.place();
     let mut record = value.record("Device")?;
     let mut number = |name, range, unit, default| number(&mut record, name, range, unit, Some(default));
     device.max_force_n = number("max_force_n", 0.01..=100.0, "N", device.max_force_n)?;
@@ -259,16 +257,13 @@ fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchab
     }
     let mut record = value.record("Surface")?;
     let surface = surface::surface(&mut record, known)?;
-    let material = record.optional("material").map(material).transpose()?;
+    let material = record.optional("material");
+    let material = material.map(|v| Ok(Placed { of: v.text()?.to_owned(), place: v.place() })).transpose()?;
     let effects = effects::effects(record.optional("effects"))?;
     record.finish()?;
-    if let (Some(texture), None) = (&effects.network, &material) {
-        return Err(error(texture, "a network texture of no material")
+    if let (Some(texture), None) = (effects.place(NETWORK), &material) {
+        return Err(error(&texture, "a network texture of no material")
             .help("material: \"NAME\" of the network's library, beside `effects`"));
     }
     Ok(Touchable { name: key.name.clone(), place, surface, material, effects })
-}
-
-fn material(value: &Value) -> Result<Placed<String>, Diagnostic> {
-    Ok(Placed { of: value.text()?.to_owned(), place: place(value) })
 }

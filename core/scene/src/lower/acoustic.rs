@@ -168,7 +168,8 @@ impl Builder<'_> {
 
     /// Whether no crossfade can happen: only one surface has such textures, and it has one face.
     fn is_one_voice_enough(&self) -> bool {
-        let has_textures = |effects: &crate::Effects| effects.named.iter().any(|named| named.texture);
+        let voiced = |named: &crate::Named| named.texture && named.kind != NETWORK;
+        let has_textures = |effects: &crate::Effects| effects.named.iter().any(voiced);
         let mut voiced = self.scene.surfaces.iter().filter(|s| has_textures(&s.effects));
         let one_face = |form: &ShapeForm| !matches!(form, ShapeForm::Box { .. } | ShapeForm::Sphere { .. });
         let alone = voiced.next().is_none_or(|s| one_face(s.surface.shape.form())) && voiced.next().is_none();

@@ -46,8 +46,8 @@ impl<'a> Builder<'a> {
         if !self.graph.nodes.iter().any(|node| sink(&node.kind)) {
             let surface = self.scene.surfaces.first();
             let place = surface.map_or_else(|| self.here(), |surface| surface.place.clone());
-            let vibrates = |of: &Of<'_>| of.kind == NETWORK || self.vibrates(of.kind);
-            let (message, help) = if self.effects.iter().any(|of| self.is_built(of.kind) && vibrates(of)) {
+            let sounds = |of: &Of<'_>| self.is_built(of.kind) && self.vibrates(of.kind);
+            let (message, help) = if self.effects.iter().any(sounds) {
                 ("this scene vibrates, and nothing plays it", "output: audio_out")
             } else {
                 ("no surface of this scene can be felt", "effects: (stiffness: (stiffness_n_per_mm: 0.5))")
@@ -57,8 +57,7 @@ impl<'a> Builder<'a> {
         let Self { graph, effects, registry, .. } = self;
         let rendered = effects.into_iter().map(|Of { kind, mut nodes, .. }| {
             nodes.retain(|id| graph.node(id).is_some());
-            let acts = effect_of(registry, kind).map(|effect| effect.acts);
-            let texture = kind == NETWORK || acts == Some(Acts::Gliding);
+            let texture = effect_of(registry, kind).is_some_and(|effect| effect.acts == Acts::Gliding);
             Rendered { kind: kind.to_owned(), texture, nodes }
         });
         Ok(Lowered { rendered: rendered.collect(), graph })
@@ -69,14 +68,11 @@ impl<'a> Builder<'a> {
         self.slots(kind).is_some_and(|slots| !self.prune || !slots.first.is_empty())
     }
 
-    /// Effects to build that act in a given way, in their order.
+    /// Effects to build that act in a given way and have a node of their own, in their order.
     pub(crate) fn acting(&self, acts: Acts) -> Vec<(&'a str, &'a Effect)> {
-        let of = |built: &Of<'a>| {
-            effect_of(self.registry, built.kind)
-                .filter(|effect| effect.acts == acts)
-                .map(|effect| (built.kind, effect))
-        };
-        self.effects.iter().filter(|of| self.is_built(of.kind)).filter_map(of).collect()
+        let built = self.effects.iter().filter(|of| of.kind != NETWORK && self.is_built(of.kind));
+        let effects = built.filter_map(|of| Some((of.kind, effect_of(self.registry, of.kind)?)));
+        effects.filter(|(_, effect)| effect.acts == acts).collect()
     }
 
     /// Names of the effects to build, as the `contact` node takes them.
@@ -108,8 +104,7 @@ impl<'a> Builder<'a> {
     pub(crate) fn first_place(&self, kind: &str) -> Place {
         let first = self.slots(kind).and_then(|slots| slots.first.first());
         let surface = first.and_then(|first| self.scene.surfaces.get(*first));
-        let place = surface.and_then(|surface| surface.effects.places(kind).into_iter().next());
-        place.unwrap_or_else(|| self.here())
+        surface.and_then(|surface| surface.effects.place(kind)).unwrap_or_else(|| self.here())
     }
 
     /// Adds a node.

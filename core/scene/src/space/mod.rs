@@ -42,3 +42,4 @@ pub use pose::{Pose, WORLD_MM};
 pub use shape::{Form, LEAST_MM, Relief, Shape};
 pub use surface::Surface;
 pub use touch::{Hold, Touch};
+pub(crate) use vector::dot;
