@@ -165,7 +165,8 @@ impl Contacts {
         run_hz: f64,
     ) -> Result<Self, Diagnostic> {
         let slots = |names: &[String]| -> Vec<Slots> { names.iter().map(|name| scene.slots(name)).collect() };
-        let [touching, inside, textures] = [&names.touching, &names.inside, &names.textures].map(|n| slots(n));
+        let [touching, inside, textures] =
+            [&names.touching, &names.inside, &names.textures].map(|n| slots(n));
         let network = [scene.slots(NETWORK)];
         let of = |all: &[Slots], number: usize| -> Vec<f64> {
             let slot = |slots: &Slots| slots.of.get(number).copied().flatten();

@@ -139,5 +139,6 @@ impl Scene {
 /// Whether an effect is felt as vibration and not as a force: its output is audio.
 pub(super) fn vibrates(registry: &Registry, kind: &str) -> bool {
     let outputs = registry.get(kind).map(|kind| &kind.descriptor().outputs);
-    kind == NETWORK || outputs.is_some_and(|all| all.iter().any(|output| matches!(output.shape, ShapeSpec::Audio(_))))
+    kind == NETWORK
+        || outputs.is_some_and(|all| all.iter().any(|output| matches!(output.shape, ShapeSpec::Audio(_))))
 }

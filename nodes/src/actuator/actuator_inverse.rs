@@ -1,11 +1,7 @@
 //! `actuator_inverse`: from the wanted acceleration to the coil's current or voltage.
 
-use crate::ports::{Doc, choice, number};
+use crate::prelude::*;
 use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Ports, Prepared, Processor, RateSpec, Role,
-    Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
-};
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
 pub struct ActuatorInverse {

@@ -1,11 +1,7 @@
 //! `limiter`: the limits that no input to the coil may exceed.
 
-use crate::ports::{Doc, audio_out, number};
+use crate::prelude::*;
 use asperity_actuator::{self, Drive, LimiterSettings};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Prepared, Processor, RateSpec, Resume, Role, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
-};
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
 ///

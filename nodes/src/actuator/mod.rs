@@ -8,10 +8,9 @@ pub use limiter::Limiter;
 
 use std::path::{Path, PathBuf};
 
-use crate::ports::{Doc, error_at, number, text};
+use crate::prelude::*;
 use asperity_actuator::{ActuatorProfile, Dynamics};
 use asperity_diagnostics::Place;
-use asperity_node::{Diagnostic, Param, Setup};
 
 fn profile_params() -> [Param; 2] {
     [

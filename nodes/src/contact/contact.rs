@@ -1,11 +1,7 @@
 //! `contact`: the surface of a scene that a stylus touches.
 
-use crate::ports::{Doc, MM, MM_S, N, ONE, control, file, number, text, texts};
+use crate::prelude::*;
 use crate::since::Since;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Ports, Prepared, Processor, Resume, Role,
-    Setup, ShapeSpec, State, Status, Tick, Unit,
-};
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
 /// Finds which surface of a scene a stylus touches, and tells the nodes of the effects what to do.

@@ -1,7 +1,6 @@
 //! `speed_gate`: no texture without motion on a surface.
 
-use crate::ports::{Doc, MM_S, N, ONE, audio, audio_out, control, control_out, number};
-use asperity_node::{Descriptor, Diagnostic, Latency, Node, Prepared, Processor, Setup, State, Status, Tick};
+use crate::prelude::*;
 
 /// The live parameters.
 const LIVE: [&str; 3] = ["speed_mm_s", "force_n", "hysteresis"];

@@ -1,7 +1,6 @@
 //! `virtual_floor`: Hooke's law against a plane.
 
-use crate::ports::{Doc, MM, N, ONE, control, control_out, number};
-use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Setup, Status, Tick, Unit};
+use crate::prelude::*;
 
 /// A horizontal plane that pushes back in proportion to how deep the stylus is in it.
 ///

@@ -1,12 +1,8 @@
 //! `autoregressive`: textures of autoregressive models.
 
-use crate::ports::{Doc, MM_S, N, control, file, texts};
+use crate::prelude::*;
 use asperity_autoregressive::{self, Synthesis};
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Resume, Settings,
-    Setup, State, Status, Tick, random, time,
-};
 
 use super::voices::{Voice, Voices};
 use super::{Made, acceleration, each, files, gain, shared, slot};

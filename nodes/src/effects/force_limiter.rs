@@ -1,9 +1,6 @@
 //! `force_limiter`: the limits of any force on a device that pushes back.
 
-use crate::ports::{Doc, N, control, control_out, number};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 /// The live parameters.
 const LIVE: [&str; 2] = ["max_force_n", "slew_n_per_s"];

@@ -1,15 +1,12 @@
 //! Textures that are read along the path of the stylus: `waveform` and `relief`.
 
-use asperity_node::{
-    Descriptor, Diagnostic, Effect, Fact, Prepared, Processor, Resume, Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 use super::mix::Mix;
 use super::path::{Parts, Path};
 use super::track::Track;
 use super::voices::{Voice, Voices};
 use super::{acceleration, files, slot};
-use crate::ports::{Doc, MM, ONE, control, number, texts};
 
 const SLOT: usize = 0;
 const PLACE: usize = 1;

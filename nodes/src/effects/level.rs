@@ -1,9 +1,8 @@
 //! `level`: a gate that follows a level.
 
 use super::path::Parts;
-use crate::ports::{Doc, ONE, audio, audio_out, control};
+use crate::prelude::*;
 use asperity_dsp::filter::Sample;
-use asperity_node::{Descriptor, Diagnostic, Inputs, Node, Prepared, Processor, Setup, State, Status, Tick};
 
 const IN: usize = 0;
 const LEVEL: usize = 1;

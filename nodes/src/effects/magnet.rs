@@ -1,10 +1,6 @@
 //! `magnet`: a surface that snaps.
 
-use crate::ports::{Doc, MM, ONE, control, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
-    Setup, Status, Tick,
-};
+use crate::prelude::*;
 
 use super::{let_go, one_each, pick, put, slot, vector};
 

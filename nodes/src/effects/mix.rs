@@ -1,8 +1,8 @@
 //! Sums of kernels over a tick.
 
 use super::path::Parts;
+use crate::prelude::*;
 use asperity_dsp::filter::Sample;
-use asperity_node::{Setup, time};
 
 /// Buffer for the samples of a tick, in which parts are added up.
 pub(super) struct Mix {

@@ -43,12 +43,9 @@ use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::ports::{Doc, N, ONE, control, control_out, number};
+use crate::prelude::*;
 use asperity_data::wav::Wav;
 use asperity_diagnostics::ron::Value;
-use asperity_node::{
-    Diagnostic, Input, Inputs, Output, Param, RateSpec, Settings, Setup, ShapeSpec, Status, Tick, Unit,
-};
 
 /// Audio rate at which settings of a scene are tried. The node tries them again at its own.
 const TRIED_HZ: u32 = 48_000;

@@ -1,8 +1,8 @@
 //! Path of the stylus along a surface, from positions alone.
 
 use super::path::Path;
+use crate::prelude::*;
 use asperity_dsp::filter::{Biquad, Section};
-use asperity_node::{Diagnostic, Latency, Setup, State};
 
 /// A path through the positions that are reported once a tick.
 ///

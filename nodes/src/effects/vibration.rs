@@ -2,11 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::ports::{Doc, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Setup, State,
-    Status, Tick,
-};
+use crate::prelude::*;
 use asperity_numbers::Elementary as _;
 
 use super::bounds::check;

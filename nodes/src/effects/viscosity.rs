@@ -1,10 +1,6 @@
 //! `viscosity`: drag in a volume.
 
-use crate::ports::{Doc, MM_S, control, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
-    Setup, Status, Tick,
-};
+use crate::prelude::*;
 
 use super::bounds::{counted_vector, length};
 use super::{let_go, one_each, pick, put, slot, vector};

@@ -1,6 +1,6 @@
 //! Kernels for every slot. Those of one slot are on at a time.
 
-use asperity_node::State;
+use crate::prelude::*;
 
 use super::pick;
 

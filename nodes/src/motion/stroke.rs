@@ -1,8 +1,7 @@
 //! `stroke`: a generated stroke.
 
-use crate::ports::{Doc, MM, choice, control_out, error_at, number, seed};
+use crate::prelude::*;
 use asperity_motion::{self, Shape, StrokeParams};
-use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Resume, Role, Setup, Status, Tick};
 
 use super::microseconds;
 

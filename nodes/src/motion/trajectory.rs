@@ -1,11 +1,8 @@
 //! `trajectory`: a recorded stroke.
 
-use crate::ports::{Doc, MM, MM_S, N, choice, control_out, error_at, file, number, text};
+use crate::prelude::*;
 use asperity_diagnostics::Source;
 use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Role, Setup, Status, Tick,
-};
 
 use super::microseconds;
 

@@ -3,12 +3,9 @@
 use asperity_numbers::Elementary as _;
 use std::f64::consts::{SQRT_2, TAU};
 
-use crate::ports::{Doc, MM, MM_S, ONE, control, control_out, number};
+use crate::prelude::*;
 use crate::since::Since;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Role, Setup, State, Status, Tick,
-};
 
 /// Filtered velocity below which a stylus that stands still counts as at rest. A network can then repeat its
 /// last output. At 20 Hz this is reached 0.22 s after 300 mm/s; the tail would end after 0.85 s.

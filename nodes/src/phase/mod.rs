@@ -5,8 +5,8 @@ mod sample_commit;
 mod shaped_noise;
 mod spectra;
 
+use crate::prelude::*;
 use asperity_dsp::Framing;
-use asperity_node::{Diagnostic, Setup, Shape};
 
 pub use oscillator_bank::OscillatorBank;
 pub use sample_commit::SampleCommit;

@@ -1,10 +1,7 @@
 //! `oscillator_bank`: magnitudes straight to a signal.
 
-use crate::ports::{Doc, choice, magnitude, seed, signal_out};
+use crate::prelude::*;
 use asperity_dsp::{Float, Framing, Partials, oscillator_bank};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
-};
 
 use super::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};

@@ -1,11 +1,8 @@
 //! `sample_commit`: magnitudes straight to a signal, by iteration over the samples that are not emitted yet.
 
-use crate::ports::{Doc, integer, magnitude, number, seed, signal_out};
+use crate::prelude::*;
 use asperity_dsp::Float;
 use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
-};
 
 use super::{framing, kernel_error, seed_of, too_rare};
 use crate::precision::{in_precision, precision};

@@ -1,12 +1,9 @@
 //! `shaped_noise`: magnitudes to a signal without phase retrieval.
 
-use crate::ports::{Doc, MM, ONE, control, magnitude, seed, signal_out};
+use crate::prelude::*;
 use asperity_dsp::Float;
 use asperity_dsp::scatter::NOISE_RATIO;
 use asperity_dsp::shaped_noise::{self, PATTERN_LEN, Pattern};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
-};
 
 use super::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};

@@ -1,10 +1,6 @@
 //! `audio_out`: the way to the actuator.
 
-use crate::ports::{Doc, number};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Prepared, Processor, RateSpec, Role, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
-};
+use crate::prelude::*;
 
 /// Time in which the output fades when its input becomes invalid, in seconds.
 const FADE_S: f32 = 0.01;

@@ -1,10 +1,6 @@
 //! `file_out`: audio of any kind and rate to a file.
 
-use crate::ports::{Doc, audio, number, text};
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Role, Setup, ShapeSpec, Status,
-    Tick, Unit,
-};
+use crate::prelude::*;
 
 /// A sink for audio of any unit and rate; the host writes its output to a WAV file, or a .npy file.
 pub struct FileOut {

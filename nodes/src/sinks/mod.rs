@@ -8,7 +8,7 @@ pub use audio_out::AudioOut;
 pub use file_out::FileOut;
 pub use probe::Probe;
 
-use asperity_node::{Diagnostic, Setup};
+use crate::prelude::*;
 
 /// Checks that the parameter `file` ends in one of these ways.
 fn check_file(setup: &Setup<'_>, ends: [&str; 2]) -> Result<(), Diagnostic> {

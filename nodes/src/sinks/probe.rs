@@ -1,7 +1,6 @@
 //! `probe`: shows its input to the host.
 
-use crate::ports::{Doc, like, text};
-use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Role, Setup, Status, Tick};
+use crate::prelude::*;
 
 /// A sink for any signal. The host reads its input after every tick and writes it. A probe keeps nothing
 /// awake, so looking at a graph does not change what the graph does.

@@ -1,10 +1,6 @@
 //! `audio_in`: a channel of the sound card, such as an accelerometer on a line input.
 
-use crate::ports::{Doc, choice, integer, number};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Ports, Prepared, Processor, RateSpec, Resume, Role,
-    Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
-};
+use crate::prelude::*;
 
 /// Reads a channel of the device and scales it.
 pub struct AudioIn {

@@ -1,9 +1,6 @@
 //! `impulse`: a click at an event.
 
-use crate::ports::{Doc, ONE, control, number};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Latency, Node, Ports, Prepared, Processor, Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 /// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the
 /// tick.

@@ -2,13 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use crate::ports::{Doc, number};
+use crate::prelude::*;
 use asperity_actuator::identify::raised_cosine;
 use asperity_dsp::Ramp;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Latency, Node, Ports, Prepared, Processor, Resume, Setup, State, Status,
-    Tick,
-};
 use asperity_numbers::Elementary as _;
 
 /// A sine that fades in and, where it ends, out.

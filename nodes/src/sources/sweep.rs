@@ -1,11 +1,7 @@
 //! `sweep`: all frequencies, one after the other.
 
-use crate::ports::{Doc, choice, number};
+use crate::prelude::*;
 use asperity_actuator::identify::{self, SweepSettings, SweepShape};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Latency, Node, Ports, Prepared, Processor, Resume, Setup, Status,
-    Tick,
-};
 
 /// An exponential sine sweep between two silences; each sample follows from its number alone.
 pub struct Sweep {

@@ -1,12 +1,8 @@
 //! `overlap_add`: spectra to a signal.
 
 use crate::phase::{framing, kernel_error, too_rare};
-use crate::ports::{Doc, signal_out};
+use crate::prelude::*;
 use asperity_dsp::{Float, Framing, overlap_add};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Prepared, Processor, Role, Setup,
-    ShapeSpec, State, Status, Tick, Unit,
-};
 
 use crate::precision::{in_precision, precision};
 

@@ -1,11 +1,7 @@
 //! `resample`: a signal at another rate.
 
-use crate::ports::{Doc, choice, integer, number};
+use crate::prelude::*;
 use asperity_dsp::{Conversion, FilterPhase, Float, Resampler};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Ports, Prepared, Processor, RateSpec,
-    Setup, ShapeSpec, State, Status, Tick, Unit,
-};
 
 use crate::precision::{in_precision, precision};
 

@@ -1,12 +1,8 @@
 //! `scatter`: from expected magnitudes to those of one random signal.
 
-use crate::ports::{Doc, ONE, control, magnitude, number, seed};
+use crate::prelude::*;
 use asperity_dsp::Float;
 use asperity_dsp::scatter::{self, Statistics};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Prepared, Processor, Resume, Setup,
-    ShapeSpec, Status, Tick, Unit,
-};
 
 use crate::phase::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};

@@ -1,11 +1,7 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
-use crate::ports::{Doc, MM_S, N, ONE, choice, control, control_out, error_at, file, integer, text, texts};
+use crate::prelude::*;
 use asperity_dsp::shaped_noise::PATTERN_LEN;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, LayoutSpec, Node, Output,
-    Ports, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick, Unit,
-};
 use asperity_texture::{
     Answer, Choice, FORCE_LEN, Library, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN,
     Target, hold_magnitudes,

@@ -1,11 +1,7 @@
 //! `gain`: a constant factor.
 
-use crate::ports::{Doc, like, like_out, number, text};
+use crate::prelude::*;
 use asperity_dsp::Ramp;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Node, Ports, Prepared, Processor, Setup, Shape, State, Status, Tick,
-    Unit, UnitSpec,
-};
 
 /// Multiplies a signal by a constant. A new factor is reached in a straight line: over 10 ms, or from one run
 /// to the next where these are further apart.

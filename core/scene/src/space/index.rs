@@ -78,11 +78,6 @@ impl Index {
         &self.entries
     }
 
-    /// Depth in millimetres by which another surface must exceed the held one to take over.
-    pub fn hysteresis_mm(&self) -> f64 {
-        self.hysteresis_mm
-    }
-
     /// Size of the search trees in bytes, without the entries.
     pub fn bytes(&self) -> usize {
         self.touched.bytes() + self.reaching.bytes()

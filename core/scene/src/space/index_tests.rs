@@ -25,7 +25,7 @@ fn brute_force(index: &Index, point: [f64; 3], last: Option<Hold>, reaching: boo
         (true, 0.0) => false,
         (true, reach) => depth >= -reach,
     };
-    let h = index.hysteresis_mm();
+    let h = index.hysteresis_mm;
     let held = last.and_then(|hold| {
         let entry = index.entries().get(hold.entry as usize)?;
         let touch = entry.surface.touch(point, Some(hold.feature), h)?;

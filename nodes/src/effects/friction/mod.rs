@@ -4,11 +4,7 @@ mod law;
 #[cfg(test)]
 mod stick_slip_tests;
 
-use crate::ports::{Doc, MM_S, N, ONE, control, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
-    Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 pub(super) use law::{LuGreSettings, Rubbing, VISCOSITY_S_PER_MM};
 

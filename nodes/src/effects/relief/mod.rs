@@ -28,9 +28,8 @@ mod tests;
 
 use std::sync::Arc;
 
-use crate::ports::{Doc, number};
+use crate::prelude::*;
 use asperity_dsp::filter::{Biquad, FilterError, Section};
-use asperity_node::{Acts, Descriptor, Diagnostic, Effect, Form, Node, Prepared, Settings, Setup, State};
 use asperity_numbers::Elementary as _;
 use asperity_scene::Heights;
 

@@ -2,12 +2,8 @@
 
 mod transient;
 
-use crate::ports::{Doc, MM_S, ONE, control, number, texts};
+use crate::prelude::*;
 use asperity_diagnostics::ron::Value;
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Settings, Setup,
-    State, Status, Tick,
-};
 
 use super::{Samples, TRIED_HZ, acceleration, files, made, one_each, pick, samples, slot};
 pub(crate) use transient::{DecayingSinusoid, Recording, Sound, TapSettings, Taps, Transient};

@@ -2,9 +2,8 @@
 
 mod table;
 
-use crate::ports::{Doc, choice, number};
+use crate::prelude::*;
 use asperity_diagnostics::ron::Value;
-use asperity_node::{Acts, Descriptor, Diagnostic, Effect, Form, Node, Prepared, Settings, Setup};
 
 use super::gliding;
 use super::{Made, Samples, each, gain, made, samples, shared};

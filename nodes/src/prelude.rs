@@ -1,10 +1,14 @@
-//! Ports and parameters in the forms that nodes have most often. Each takes its meaning by `doc`.
+//! The words that nodes are written in: traits and types of `asperity_node`, and ports and parameters in the
+//! forms that nodes have most often. Each takes its meaning by `doc`.
 
 use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use asperity_node::{
-    Descriptor, Diagnostic, Form, Input, LayoutSpec, Output, Param, Params, RateSpec, ShapeSpec, Unit,
+pub(crate) use asperity_node::{
+    Acts, Config, Descriptor, Diagnostic, Direction, Effect, Fact, Form, FrameClock, FrameLayout, FrameRate,
+    Input, Inputs, Keep, Latency, Law, LayoutSpec, Node, Output, Param, Params, Ports, Prepared, Processor,
+    RateSpec, Resume, Role, Settings, Setup, Shape, ShapeSpec, State, Status, Tick, Unit, UnitSpec, random,
+    time,
 };
 
 pub(crate) const ONE: Unit = Unit::NONE;
