@@ -5,6 +5,9 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod actuator;
+#[cfg(test)]
+#[path = "tests/bench.rs"]
+mod bench;
 pub mod contact;
 pub mod effects;
 pub mod motion;
