@@ -34,6 +34,11 @@ pub(crate) fn audio_out(name: &'static str) -> Output {
     Output::new(name, ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE).unit_of('u')
 }
 
+/// Audio that drives a coil: a current or a voltage.
+pub(crate) fn drive(rate: RateSpec) -> Input {
+    Input::new("in", ShapeSpec::Audio(rate), Unit::NONE).unit_among('u', &[Unit::AMPERE, Unit::VOLT])
+}
+
 /// A signal of any type; that of [`like_out`] is the same.
 pub(crate) fn like(name: &'static str) -> Input {
     Input::new(name, ShapeSpec::Like('s'), Unit::NONE).unit_of('u')

@@ -338,11 +338,7 @@ impl Contacts {
     /// Finds the wall that is touched, or nearly touched.
     fn wall(&self, at: [f64; 3]) -> Option<Contact> {
         let held = self.held[0].filter(|_| self.touching || self.settings.anticipate_mm > 0.0);
-        if self.settings.anticipate_mm > 0.0 {
-            self.walls.nearest(at, held)
-        } else {
-            self.walls.deepest(at, held)
-        }
+        self.walls.find(at, held)
     }
 
     /// Speed with which a wall was reached from outside, and the part of the tick at which that was.
@@ -366,7 +362,7 @@ impl Contacts {
 
     /// Finds the volume that a place lies in.
     fn volume(&mut self, at: [f64; 3]) -> Option<usize> {
-        let found = self.volumes.deepest(at, self.held[1]);
+        let found = self.volumes.find(at, self.held[1]);
         self.held[1] = found.map(|contact| contact.hold());
         Some(found?.entry as usize)
     }
@@ -377,7 +373,7 @@ impl Contacts {
             return;
         };
         *state = NO_PULL;
-        let found = near.index.nearest(at, near.held);
+        let found = near.index.find(at, near.held);
         near.held = found.map(|contact| contact.hold());
         if let Some(Contact { entry, touch, .. }) = found {
             let slot = near.slots.get(entry as usize).copied().unwrap_or(NONE);

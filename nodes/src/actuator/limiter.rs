@@ -19,7 +19,6 @@ const RELEASE_MS: usize = 4;
 
 impl Node for Limiter {
     fn descriptor() -> Descriptor {
-        const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
         let [profile, handle] = super::profile_params();
         let s = LimiterSettings::default();
         Descriptor::new(
@@ -27,8 +26,7 @@ impl Node for Limiter {
             "Holds current or voltage to what the actuator stands: finite, peak, slew, heat, stroke, DC.",
         )
         .role(Role::Limiter)
-        .input(Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE).unit_among('u', DRIVES))
-        .doc("what is asked of the coil")
+        .input(drive(RateSpec::Of('r')).doc("what is asked of the coil"))
         .output(audio_out("out").limited().doc("what the coil gets"))
         .param(profile)
         .param(handle)

@@ -1,5 +1,7 @@
 //! `contact`: the surface of a scene that a stylus touches.
 
+use std::collections::HashSet;
+
 use crate::prelude::*;
 use crate::since::Since;
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
@@ -170,12 +172,13 @@ impl Node for Contact {
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
         ports.outputs.extend(of_effects(&names(config)));
-        for (i, output) in ports.outputs.iter().enumerate() {
-            if ports.outputs.iter().take(i).any(|before| before.name == output.name) {
-                return Err(config.params.node_error(format!("two outputs are called `{}`", output.name)));
+        let mut known = HashSet::new();
+        match ports.outputs.iter().find(|output| !known.insert(output.name.clone())) {
+            Some(Output { name, .. }) => {
+                Err(config.params.node_error(format!("two outputs are called `{name}`")))
             }
+            None => Ok(ports),
         }
-        Ok(ports)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -198,8 +201,9 @@ impl Node for Contact {
             anticipate_mm: p.number("anticipate_mm"),
             put_down_mm_s: p.number("put_down_mm_s"),
         };
+        let runs_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
         let it = Self {
-            contacts: Contacts::new(&scene, &names, settings, runs_hz(setup))?,
+            contacts: Contacts::new(&scene, &names, settings, runs_hz)?,
             surfaces: scene.surfaces.len(),
             since: Since::new(setup.every),
         };
@@ -265,8 +269,4 @@ impl Processor for Contact {
             Fact::number("index", self.contacts.bytes() as f64 / 1024.0, "KiB"),
         ]
     }
-}
-
-fn runs_hz(config: &Config<'_>) -> f64 {
-    f64::from(config.tick_hz) / f64::from(config.every)
 }

@@ -6,7 +6,7 @@ use super::mix::Mix;
 use super::path::{Parts, Path};
 use super::track::Track;
 use super::voices::{Voice, Voices};
-use super::{acceleration, files, slot};
+use super::{Renders, acceleration, files, slot};
 
 const SLOT: usize = 0;
 const PLACE: usize = 1;
@@ -30,11 +30,10 @@ struct Gliding<K> {
     shared: (&'static str, u64),
 }
 
-/// Descriptor of a texture whose settings stand in the parameter `list`.
+/// Descriptor of a texture.
 pub(super) fn descriptor(
     (kind, summary): (&'static str, &'static str),
     slot_doc: &'static str,
-    (list, list_doc): (&'static str, &'static str),
     effect: Effect,
 ) -> Descriptor {
     Descriptor::new(kind, summary)
@@ -43,7 +42,6 @@ pub(super) fn descriptor(
         .input(control("stroke", 1, ONE).or(0.0))
         .doc("another number: the stylus was put down elsewhere, and what lies between is no motion")
         .output(acceleration().doc("the vibration of gliding"))
-        .param(texts(list).doc(list_doc))
         .param(number("smooth_hz", 0.0, 0.0..=1000.0, "Hz").doc(
             "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in \
              coarse steps; 0 for none.",
@@ -53,7 +51,7 @@ pub(super) fn descriptor(
              yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
         )
         .resumes(Resume::Restart)
-        .effect(effect.needs("place", "place").needs("stroke", "stroke"))
+        .renders(effect.needs("place", "place").needs("stroke", "stroke"))
 }
 
 /// Prepares a texture of kernels for every slot.

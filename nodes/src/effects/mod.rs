@@ -61,6 +61,23 @@ fn slot(doc: &'static str) -> Input {
     control("slot", 1, ONE).or(0.0).doc(doc)
 }
 
+/// Declares an effect, and the list of its slots.
+trait Renders {
+    fn renders(self, effect: Effect) -> Self;
+}
+
+impl Renders for Descriptor {
+    fn renders(self, effect: Effect) -> Self {
+        let texture = effect.acts == Acts::Gliding;
+        let key = if texture { "texture" } else { self.kind.as_ref() };
+        let example = effect.forms.first().map_or("", |form| form.example.as_ref());
+        let sum = if texture { " A list of textures is one slot, and sounds as their sum." } else { "" };
+        let doc = format!("A text for each slot, as behind `{key}` in a scene: r#\"{example}\"#.{sum}");
+        let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
+        self.param(list).effect(effect)
+    }
+}
+
 /// The output for a vibration.
 fn acceleration() -> Output {
     Output::new("acceleration", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
@@ -89,6 +106,26 @@ fn put(tick: &mut Tick<'_>, force: [f64; 3]) {
 fn let_go(tick: &mut Tick<'_>) -> Status {
     put(tick, [0.0; 3]);
     Status::Asleep
+}
+
+/// A node whose force follows from the settings of its slot and its inputs alone.
+struct Force<S> {
+    slots: Vec<S>,
+    force: fn(&S, &Inputs<'_>) -> [f64; 3],
+}
+
+impl<S: Send> Processor for Force<S> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let slot = pick(tick.inputs.value(0), self.slots.len()).and_then(|slot| self.slots.get(slot));
+        let Some(slot) = slot else { return let_go(tick) };
+        let force = (self.force)(slot, &tick.inputs);
+        put(tick, force);
+        Status::Continue
+    }
+
+    fn facts(&mut self) -> Vec<Fact> {
+        vec![Fact::count("slots", self.slots.len() as u64)]
+    }
 }
 
 /// Things that take time or memory to make, by what they are made of.

@@ -7,7 +7,7 @@ use asperity_numbers::Elementary as _;
 
 use super::bounds::check;
 use super::mix::Mix;
-use super::{acceleration, made, one_each, pick, slot};
+use super::{Renders, acceleration, made, one_each, pick, slot};
 
 /// Parts of a hertz in which frequencies are counted: 2^32.
 const PARTS: f64 = 4_294_967_296.0;
@@ -82,13 +82,9 @@ impl Node for Vibration {
         )
         .input(slot("which of `sources`, from 0; below 0 none sounds").wakes())
         .output(acceleration().doc("the sine"))
-        .param(texts("sources").doc(
-            "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: \
-             2)\"].",
-        ))
         .param(number("fade_ms", 20.0, 0.1..=1000.0, "ms"))
         .doc("How long a source takes to fade in or out, in a straight line.")
-        .effect(
+        .renders(
             Effect::new("sources", Acts::Inside).form(
                 Form::new("", "(frequency_hz: 120, amplitude_m_s2: 2)")
                     .field(number("frequency_hz", 0.0, 0.01..=21_600.0, "Hz").required())

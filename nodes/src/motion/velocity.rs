@@ -97,7 +97,7 @@ impl Processor for Velocity {
             std::array::from_fn(|i| (now[i] - before[i]) * (self.rate_hz / runs as f64));
         let mut v = unfiltered;
         if self.cutoff_hz > 0.0 {
-            let at = self.corner();
+            let at = corner(self.cutoff_hz_now(), self.rate_hz);
             for (v, filter) in v.iter_mut().zip(&mut self.filters) {
                 let still = *v == 0.0;
                 filter.hold(*v, at, runs - 1);
@@ -148,10 +148,6 @@ impl Velocity {
     fn cutoff_hz_now(&self) -> f64 {
         let [x, y, z] = self.velocity;
         opened_hz(self.cutoff_hz, self.cutoff_hz_per_mm_s, x.hypotenuse(y).hypotenuse(z), self.rate_hz)
-    }
-
-    fn corner(&self) -> f64 {
-        corner(self.cutoff_hz_now(), self.rate_hz)
     }
 }
 

@@ -8,10 +8,7 @@ use super::{framing, kernel_error, seed_of, too_rare};
 use crate::precision::{in_precision, precision};
 
 /// Iterative phase retrieval that freezes samples, not frames.
-pub struct SampleCommit;
-
-/// `sample_commit` in one precision.
-struct Running<T> {
+pub struct SampleCommit<T = f32> {
     kernel: sample_commit::SampleCommit<T>,
     settings: Settings,
     bad: u64,
@@ -83,11 +80,11 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     let kernel = kernel.map_err(kernel_error(setup))?;
     let samples = |n| Latency::samples(n, framing.rate_hz);
     let (latency, tail) = (samples(kernel.delay()), samples(framing.fft_len as i64 + kernel.delay()));
-    let it = Running::<T> { kernel, settings, bad: 0, refused: 0 };
+    let it = SampleCommit::<T> { kernel, settings, bad: 0, refused: 0 };
     Ok(Prepared::new(it).latency(latency).tail(tail))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for SampleCommit<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.kernel.framing().rate_hz);
         self.kernel.seek(span.start);

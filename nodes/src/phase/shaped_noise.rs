@@ -9,10 +9,7 @@ use super::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Noise, bumps and ridges through a filter that follows the magnitudes.
-pub struct ShapedNoise;
-
-/// `shaped_noise` in one precision.
-struct Running<T> {
+pub struct ShapedNoise<T = f32> {
     kernel: shaped_noise::ShapedNoise<T>,
     /// The numbers that the kernel's pattern was read from.
     pattern: Vec<f64>,
@@ -54,11 +51,11 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         shaped_noise::ShapedNoise::new(framing, tick_s, seed_of(setup)).map_err(kernel_error(setup))?;
     let latency = Latency::samples(-(framing.fft_len as i64 / 2), framing.rate_hz);
     let two_ticks = (2.0 * f64::from(framing.rate_hz) * tick_s).ceil() as i64;
-    let it = Running::<T> { kernel, pattern: vec![0.0; PATTERN_LEN], bad: 0 };
+    let it = ShapedNoise::<T> { kernel, pattern: vec![0.0; PATTERN_LEN], bad: 0 };
     Ok(Prepared::new(it).latency(latency).tail(Latency::samples(two_ticks, framing.rate_hz)))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for ShapedNoise<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.kernel.framing().rate_hz);
         if tick.inputs.connected(2) {

@@ -19,16 +19,12 @@ pub struct AudioOut {
 
 impl Node for AudioOut {
     fn descriptor() -> Descriptor {
-        const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
         Descriptor::new(
             "audio_out",
             "Plays a limited current or voltage through the sound card; offline, the WAV file.",
         )
         .role(Role::AudioOutput)
-        .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_among('u', DRIVES).limited(),
-        )
-        .doc("what drives the coil, behind a limiter")
+        .input(drive(RateSpec::Graph).limited().doc("what drives the coil, behind a limiter"))
         .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE))
         .doc("what the device plays")
         .param(number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V"))

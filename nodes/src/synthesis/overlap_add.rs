@@ -7,10 +7,7 @@ use asperity_dsp::{Float, Framing, overlap_add};
 use crate::precision::{in_precision, precision};
 
 /// Inverse FFT and weighted overlap-add, gain-exact for any hop.
-pub struct OverlapAdd;
-
-/// `overlap_add` in one precision.
-struct Running<T> {
+pub struct OverlapAdd<T = f32> {
     kernel: overlap_add::OverlapAdd<T>,
     framing: Framing,
     started: bool,
@@ -48,10 +45,10 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     }
     let kernel = overlap_add::OverlapAdd::new(framing).map_err(kernel_error(setup))?;
     let tail = Latency::samples(fft_len as i64, rate_hz);
-    Ok(Prepared::new(Running::<T> { kernel, framing, started: false, refused: 0 }).tail(tail))
+    Ok(Prepared::new(OverlapAdd::<T> { kernel, framing, started: false, refused: 0 }).tail(tail))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for OverlapAdd<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.framing.rate_hz);
         if !self.started {

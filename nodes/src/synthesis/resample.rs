@@ -6,10 +6,7 @@ use asperity_dsp::{Conversion, FilterPhase, Float, Resampler};
 use crate::precision::{in_precision, precision};
 
 /// Brings a signal to the audio rate, or any other, by a polyphase filter.
-pub struct Resample;
-
-/// `resample` in one precision.
-struct Running<T> {
+pub struct Resample<T = f32> {
     /// None where both rates are the same.
     kernel: Option<Resampler<T>>,
     in_hz: u32,
@@ -67,7 +64,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     let (in_hz, out_hz) = (setup.input_rate(0), setup.output_rate(0));
     let phase = if p.text("phase") == "minimum" { FilterPhase::Minimum } else { FilterPhase::Linear };
     if in_hz == out_hz {
-        return Ok(Prepared::new(Running::<T> { kernel: None, in_hz, out_hz }));
+        return Ok(Prepared::new(Resample::<T> { kernel: None, in_hz, out_hz }));
     }
     // Above the predicted band there is nothing to keep, so a shorter filter is enough.
     let mut passband = p.number("passband");
@@ -79,11 +76,11 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         .map_err(|e| p.node_error(format!("cannot go from {in_hz} to {out_hz} Hz: {e}")))?;
     let (num, den) = kernel.latency();
     let latency = Latency::ratio(num as i64, den as i64);
-    let it = Running { kernel: Some(kernel), in_hz, out_hz };
+    let it = Resample { kernel: Some(kernel), in_hz, out_hz };
     Ok(Prepared::new(it).latency(latency).tail(latency + latency))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for Resample<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (first_in, first_out) = (tick.samples(self.in_hz).start, tick.samples(self.out_hz).start);
         let (input, output) = (tick.inputs.audio(0), tick.outputs.audio(0));

@@ -8,10 +8,7 @@ use crate::phase::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Scatters magnitudes about their expected values, as those of noise, or of lines in noise, scatter.
-pub struct Scatter;
-
-/// `scatter` in one precision.
-struct Running<T> {
+pub struct Scatter<T = f32> {
     kernel: scatter::Scatter<T>,
     strength: f64,
     bad: u64,
@@ -51,10 +48,10 @@ impl Node for Scatter {
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     let kernel = scatter::Scatter::new(framing(setup)?, seed_of(setup)).map_err(kernel_error(setup))?;
-    Ok(Prepared::new(Running::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
+    Ok(Prepared::new(Scatter::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for Scatter<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let ratio = tick.inputs.magnitude(1).filter(|r| r.index == frame.index).map_or(&[][..], |r| r.bins);

@@ -9,7 +9,7 @@ use crate::prelude::*;
 pub(super) use law::{LuGreSettings, Rubbing, VISCOSITY_S_PER_MM};
 
 use super::voices::Voices;
-use super::{each, let_go, put, slot, vector};
+use super::{Renders, each, let_go, put, slot, vector};
 
 const SLOT: usize = 0;
 const VELOCITY: usize = 1;
@@ -111,11 +111,7 @@ impl Node for Friction {
              unconnected, x and y",
         ))
         .output(super::force("force on the stylus, x, y, z"))
-        .param(texts("laws").doc(
-            "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \
-             \"viscous_coulomb(coefficient: 0.5)\"].",
-        ))
-        .effect(effect())
+        .renders(effect())
         .timing(
             "no latency: the force of a tick's velocity in that tick; not called while nothing is touched",
         )

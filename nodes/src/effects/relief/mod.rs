@@ -177,11 +177,6 @@ impl Node for Relief {
         gliding::descriptor(
             ("relief", "A texture straight from the heights under the tip, as acceleration."),
             "which of `reliefs`, from 0; below 0 none is felt",
-            (
-                "reliefs",
-                "Reliefs, each a text as behind `texture` in a scene; or a list of them, `[relief(..), \
-                 relief(..)]`, whose sum is one entry. Quotes within a text are written r#\"..\"#.",
-            ),
             effect(),
         )
     }

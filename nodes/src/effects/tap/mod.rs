@@ -5,7 +5,7 @@ mod transient;
 use crate::prelude::*;
 use asperity_diagnostics::ron::Value;
 
-use super::{Samples, TRIED_HZ, acceleration, files, made, one_each, pick, samples, slot};
+use super::{Renders, Samples, TRIED_HZ, acceleration, files, made, one_each, pick, samples, slot};
 pub(crate) use transient::{DecayingSinusoid, Recording, Sound, TapSettings, Taps, Transient};
 
 const SLOT: usize = 0;
@@ -116,9 +116,7 @@ impl Node for Tap {
         .doc("speed of approach in the tick of a contact, 0 in others")
         .input(control("moment", 1, ONE).or(0.0).doc("the part of the tick at which the contact was, 0 to 1"))
         .output(acceleration().doc("the transients"))
-        .param(texts("taps"))
-        .doc("Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.")
-        .effect(effect())
+        .renders(effect())
         .timing(
             "one tick: a contact sounds as late in the tick after it was as it was in its own; not called \
              while nothing sounds",
@@ -169,40 +167,5 @@ impl Processor for Tap {
             Fact::count("taps", self.count),
             Fact::count("cut_short", self.taps.cut_short),
         ]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use asperity_diagnostics::{Source, ron};
-
-    #[test]
-    fn recording_is_scaled_and_read_from_its_first_channel() {
-        let dir = tempfile::tempdir().unwrap();
-        let spec = hound::WavSpec {
-            channels: 2,
-            sample_rate: 8000,
-            bits_per_sample: 16,
-            sample_format: hound::SampleFormat::Int,
-        };
-        let mut writer = hound::WavWriter::create(dir.path().join("tap.wav"), spec).unwrap();
-        [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
-        writer.finalize().unwrap();
-        let settings = |file: &str| {
-            let text = format!(
-                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: \
-                 30)"
-            );
-            let value = ron::parse(&Source::new(dir.path().join("g.ron"), text)).unwrap();
-            effect().read("tap", &value).unwrap()
-        };
-        assert_eq!(of(&settings("tap.wav")).unwrap().debounce_ms, 30.0);
-        let Some(Transient::Recorded(found)) = transient(&settings("tap.wav"), true).unwrap() else {
-            panic!()
-        };
-        assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
-        let e = transient(&settings("none.wav"), true).unwrap_err().to_string();
-        assert!(e.contains("none.wav: cannot read this file: No such file"), "{e}");
     }
 }

@@ -82,11 +82,6 @@ impl Node for Waveform {
         gliding::descriptor(
             ("waveform", "A texture from a loop that is read by the distance travelled."),
             "which of `loops`, from 0; below 0 none sounds",
-            (
-                "loops",
-                "Loops, each a text as behind `texture` in a scene; or a list of them, `[waveform(..), \
-                 waveform(..)]`, whose sum is one entry.",
-            ),
             effect(),
         )
     }
