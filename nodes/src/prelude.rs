@@ -36,7 +36,8 @@ pub(crate) fn audio_out(name: &'static str) -> Output {
 
 /// Audio that drives a coil: a current or a voltage.
 pub(crate) fn drive(rate: RateSpec) -> Input {
-    Input::new("in", ShapeSpec::Audio(rate), Unit::NONE).unit_among('u', &[Unit::AMPERE, Unit::VOLT])
+    const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
+    Input::new("in", ShapeSpec::Audio(rate), Unit::NONE).unit_among('u', DRIVES)
 }
 
 /// A signal of any type; that of [`like_out`] is the same.

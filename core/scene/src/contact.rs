@@ -54,13 +54,30 @@ struct Volume {
     inside: Vec<f64>,
 }
 
-/// Surfaces with an effect that acts from both sides of them.
+/// Surfaces of one kind, what is known of each, and the one that is held.
 #[derive(Clone, Debug)]
-struct Near {
+struct Group<T> {
     index: Index,
-    /// Slot of each surface.
-    slots: Vec<f64>,
+    of: Vec<T>,
     held: Option<Hold>,
+}
+
+impl<T> Group<T> {
+    fn new(all: Vec<(Entry, T)>, scene: &Scene) -> Result<Self, Diagnostic> {
+        let (entries, of) = all.into_iter().unzip();
+        Ok(Self { index: Index::new(entries, scene.hysteresis_mm)?, of, held: None })
+    }
+
+    /// Finds the surface at a place, and holds it.
+    fn find(&mut self, at: [f64; 3]) -> Option<Contact> {
+        let found = self.index.find(at, self.held);
+        self.held = found.map(|contact| contact.hold());
+        found
+    }
+
+    fn of(&self, contact: Option<Contact>) -> Option<&T> {
+        self.of.get(contact?.entry as usize)
+    }
 }
 
 /// One of two voices of a crossfade.
@@ -122,13 +139,10 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 pub struct Contacts {
     settings: ContactSettings,
     tick_s: f64,
-    walls: Index,
-    of_walls: Vec<Wall>,
-    volumes: Index,
-    of_volumes: Vec<Volume>,
-    near: Vec<Near>,
-    /// Wall and volume that are touched.
-    held: [Option<Hold>; 2],
+    walls: Group<Wall>,
+    volumes: Group<Volume>,
+    /// Surfaces with an effect that acts from both sides of them, and their slots.
+    near: Vec<Group<f64>>,
     /// Whether the held wall is touched.
     touching: bool,
     air_ticks: u64,
@@ -172,14 +186,13 @@ impl Contacts {
             let slot = |slots: &Slots| slots.of.get(number).copied().flatten();
             all.iter().map(|slots| slot(slots).map_or(NONE, |slot| slot as f64)).collect()
         };
-        let (mut walls, mut of_walls, mut volumes, mut of_volumes) = (vec![], vec![], vec![], vec![]);
+        let (mut walls, mut volumes) = (vec![], vec![]);
         for (n, touchable) in scene.surfaces.iter().enumerate() {
             let entry = |reach_mm| Entry { surface: touchable.surface.clone(), reach_mm };
             let effects = &touchable.effects;
             let (number, inside) = (n as f64, of(&inside, n));
             if let Some(stiffness) = &effects.stiffness {
-                walls.push(entry(settings.anticipate_mm));
-                of_walls.push(Wall {
+                let wall = Wall {
                     number,
                     stiffness_n_per_mm: stiffness.of,
                     damping_ns_per_m: effects.damping.as_ref().map_or(0.0, |d| d.of),
@@ -187,23 +200,19 @@ impl Contacts {
                     touching: of(&touching, n),
                     inside,
                     textures: of(&textures, n),
-                });
+                };
+                walls.push((entry(settings.anticipate_mm), wall));
             } else if inside.iter().any(|slot| *slot >= 0.0) {
-                volumes.push(entry(0.0));
-                of_volumes.push(Volume { number, inside });
+                volumes.push((entry(0.0), Volume { number, inside }));
             }
         }
         let near = names.near.iter().map(|kind| near(scene, kind)).collect::<Result<_, _>>()?;
-        let index = |entries| Index::new(entries, scene.hysteresis_mm);
         Ok(Self {
             settings,
             tick_s: 1.0 / run_hz,
-            walls: index(walls)?,
-            of_walls,
-            volumes: index(volumes)?,
-            of_volumes,
+            walls: Group::new(walls, scene)?,
+            volumes: Group::new(volumes, scene)?,
             near,
-            held: [None; 2],
             touching: false,
             air_ticks: 0,
             before: None,
@@ -223,14 +232,14 @@ impl Contacts {
 
     /// Numbers of walls, of volumes, and of surfaces that act from both sides.
     pub fn counts(&self) -> [usize; 3] {
-        let near = self.near.iter().map(|near| near.slots.len()).sum();
-        [self.of_walls.len(), self.of_volumes.len(), near]
+        let near = self.near.iter().map(|near| near.of.len()).sum();
+        [self.walls.of.len(), self.volumes.of.len(), near]
     }
 
     /// Size of the search trees in bytes.
     pub fn bytes(&self) -> usize {
         let near: usize = self.near.iter().map(|near| near.index.bytes()).sum();
-        self.walls.bytes() + self.volumes.bytes() + near
+        self.walls.index.bytes() + self.volumes.index.bytes() + near
     }
 
     /// Notes that for so many ticks no place was known. A wall that the next place lies in was reached on
@@ -255,7 +264,7 @@ impl Contacts {
         let was_touching = std::mem::replace(&mut self.touching, touched.is_some());
         self.air_ticks = if touched.is_some() { 0 } else { self.air_ticks.saturating_add(1) };
         if let Some(contact) = touched.as_ref().or(found.as_ref()) {
-            self.held[0] = Some(contact.hold());
+            self.walls.held = Some(contact.hold());
         }
         // In the air, the surface touched last gives the directions, so that a fading texture goes on as
         // it was.
@@ -276,8 +285,7 @@ impl Contacts {
         };
         self.follow(motion.unfiltered_mm_s, touched.as_ref());
 
-        let wall = |contact: Option<Contact>| contact.and_then(|c| self.of_walls.get(c.entry as usize));
-        let (near, number) = (wall(found), wall(touched).map_or(NONE, |wall| wall.number));
+        let (near, number) = (self.walls.of(found), self.walls.of(touched).map_or(NONE, |wall| wall.number));
         let depth_mm = touched.map_or(0.0, |contact| contact.touch.depth_mm);
         let (normal, plane_mm) = match found {
             Some(Contact { touch, .. }) => {
@@ -291,10 +299,14 @@ impl Contacts {
         let outward = dot(motion.unfiltered_mm_s, normal);
         let pushed =
             if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
-        let volume = self.volume(at);
-        self.slots(touched.map(|contact| contact.entry as usize), volume);
-        for i in 0..self.near.len() {
-            self.pull(i, at);
+        let volume = self.volumes.find(at);
+        self.slots(touched, volume);
+        for (near, pull) in self.near.iter_mut().zip(&mut self.state.near) {
+            let found = near.find(at);
+            *pull = found.map_or(NO_PULL, |Contact { touch, .. }| {
+                let slot = near.of(found).copied().unwrap_or(NONE);
+                Pull { slot, distance_mm: -touch.depth_mm, normal: touch.normal }
+            });
         }
         for i in 0..2 {
             self.state.voices[i] = self.voice(i);
@@ -314,7 +326,7 @@ impl Contacts {
         state.speed_mm_s = velocity_mm_s[0].hypotenuse(velocity_mm_s[1]);
         state.slide_mm_s = along(tangents, motion.unfiltered_mm_s);
         state.surface = number;
-        state.volume = volume.and_then(|v| self.of_volumes.get(v)).map_or(NONE, |v| v.number);
+        state.volume = self.volumes.of(volume).map_or(NONE, |volume| volume.number);
         state.approach_mm_s = approach_mm_s;
         state.moment = moment;
         state.material = self.material;
@@ -323,9 +335,8 @@ impl Contacts {
     }
 
     /// Reports the slots of a wall and of a volume. Slots of the wall take precedence.
-    fn slots(&mut self, wall: Option<usize>, volume: Option<usize>) {
-        let wall = wall.and_then(|wall| self.of_walls.get(wall));
-        let volume = volume.and_then(|volume| self.of_volumes.get(volume));
+    fn slots(&mut self, wall: Option<Contact>, volume: Option<Contact>) {
+        let (wall, volume) = (self.walls.of(wall), self.volumes.of(volume));
         for (i, slot) in self.state.touching.iter_mut().enumerate() {
             *slot = wall.map_or(NONE, |wall| wall.touching[i]);
         }
@@ -337,14 +348,14 @@ impl Contacts {
 
     /// Finds the wall that is touched, or nearly touched.
     fn wall(&self, at: [f64; 3]) -> Option<Contact> {
-        let held = self.held[0].filter(|_| self.touching || self.settings.anticipate_mm > 0.0);
-        self.walls.find(at, held)
+        let held = self.walls.held.filter(|_| self.touching || self.settings.anticipate_mm > 0.0);
+        self.walls.index.find(at, held)
     }
 
     /// Speed with which a wall was reached from outside, and the part of the tick at which that was.
     /// `missed` ticks were lost on the way.
     fn approach(&self, before: [f64; 3], missed: u64, contact: &Contact) -> Option<(f64, f64)> {
-        let surface = &self.walls.entries().get(contact.entry as usize)?.surface;
+        let surface = &self.walls.index.entries().get(contact.entry as usize)?.surface;
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
         // A place that comes in steps may be on the surface, or so little inside that it is no touch yet.
         let moment = if from.abs() <= TOUCHED_MM && to < -TOUCHED_MM { 0.0 } else { crossing(from, to)? };
@@ -360,32 +371,10 @@ impl Contacts {
         Some((far.unwrap_or((from - to) / (ticks * self.tick_s)), moment))
     }
 
-    /// Finds the volume that a place lies in.
-    fn volume(&mut self, at: [f64; 3]) -> Option<usize> {
-        let found = self.volumes.find(at, self.held[1]);
-        self.held[1] = found.map(|contact| contact.hold());
-        Some(found?.entry as usize)
-    }
-
-    /// Finds the nearest surface with an effect that acts from both sides.
-    fn pull(&mut self, number: usize, at: [f64; 3]) {
-        let (Some(near), Some(state)) = (self.near.get_mut(number), self.state.near.get_mut(number)) else {
-            return;
-        };
-        *state = NO_PULL;
-        let found = near.index.find(at, near.held);
-        near.held = found.map(|contact| contact.hold());
-        if let Some(Contact { entry, touch, .. }) = found {
-            let slot = near.slots.get(entry as usize).copied().unwrap_or(NONE);
-            *state = Pull { slot, distance_mm: -touch.depth_mm, normal: touch.normal };
-        }
-    }
-
     /// Fades the textures towards those of the touched surface.
     fn fade(&mut self, touched: Option<&Contact>) {
         let step = (self.tick_s / self.settings.crossfade_s.max(self.tick_s)).min(1.0);
-        let wall = |contact: &Contact| self.of_walls.get(contact.entry as usize);
-        let Some((contact, wall)) = touched.and_then(|contact| Some((contact, wall(contact)?))) else {
+        let (Some(contact), Some(wall)) = (touched, self.walls.of(touched.copied())) else {
             let airborne_s = self.air_ticks as f64 * self.tick_s;
             if airborne_s > self.settings.hold_s {
                 (self.current, self.rested) = (None, true);
@@ -443,7 +432,7 @@ impl Contacts {
     /// Voice as it is now. Its slots are reported beside it.
     fn voice(&mut self, number: usize) -> Voice {
         let voice = self.voices[number];
-        let wall = voice.of.and_then(|hold| self.of_walls.get(hold.entry as usize));
+        let wall = voice.of.and_then(|hold| self.walls.of.get(hold.entry as usize));
         for (i, slot) in self.state.textures[number].iter_mut().enumerate() {
             *slot = wall.map_or(NONE, |wall| wall.textures[i]);
         }
@@ -452,7 +441,7 @@ impl Contacts {
 
     /// Forgets where the stylus was.
     pub fn reset(&mut self) {
-        self.held = [None; 2];
+        (self.walls.held, self.volumes.held) = (None, None);
         self.near.iter_mut().for_each(|near| near.held = None);
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
         (self.past.known, self.missed) = (0, 0);
@@ -464,7 +453,8 @@ impl Contacts {
     /// saved with, since it holds their numbers.
     pub fn state(&mut self, state: &mut State<'_>) {
         state
-            .keep(&mut self.held)
+            .keep(&mut self.walls.held)
+            .keep(&mut self.volumes.held)
             .keep(&mut self.touching)
             .keep(&mut self.air_ticks)
             .keep(&mut self.before)
@@ -500,19 +490,16 @@ impl Contacts {
 }
 
 /// Collects the surfaces with an effect that acts as far as `reach_mm` in its settings says.
-fn near(scene: &Scene, kind: &str) -> Result<Near, Diagnostic> {
+fn near(scene: &Scene, kind: &str) -> Result<Group<f64>, Diagnostic> {
     let slots = scene.slots(kind);
-    let (mut entries, mut of_entries) = (Vec::new(), Vec::new());
-    for (number, touchable) in scene.surfaces.iter().enumerate() {
-        let (Some(named), Some(Some(slot))) = (touchable.effects.of(kind).next(), slots.of.get(number))
-        else {
-            continue;
-        };
-        let reach_mm = named.value.record(kind)?.required("reach_mm")?.f64_in(1e-3..=1000.0, "mm")?;
-        entries.push(Entry { surface: touchable.surface.clone(), reach_mm });
-        of_entries.push(*slot as f64);
+    let mut all = Vec::new();
+    for (touchable, slot) in scene.surfaces.iter().zip(&slots.of) {
+        if let (Some(named), Some(slot)) = (touchable.effects.of(kind).next(), slot) {
+            let reach_mm = named.value.record(kind)?.required("reach_mm")?.f64_in(1e-3..=1000.0, "mm")?;
+            all.push((Entry { surface: touchable.surface.clone(), reach_mm }, *slot as f64));
+        }
     }
-    Ok(Near { index: Index::new(entries, scene.hysteresis_mm)?, slots: of_entries, held: None })
+    Group::new(all, scene)
 }
 
 const NO_PULL: Pull = Pull { slot: NONE, distance_mm: 0.0, normal: [0.0; 3] };
