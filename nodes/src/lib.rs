@@ -5,12 +5,15 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 pub mod actuator;
+#[cfg(test)]
+#[path = "tests/bench.rs"]
+mod bench;
 pub mod contact;
 pub mod effects;
 pub mod motion;
 pub mod phase;
-mod ports;
 mod precision;
+mod prelude;
 mod since;
 pub mod sinks;
 pub mod sources;

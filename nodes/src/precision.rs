@@ -1,8 +1,7 @@
 //! The parameter `precision` of nodes whose kernel runs in single or in double precision. Inputs and outputs
 //! are in single precision either way.
 
-use crate::ports::{Doc, choice};
-use asperity_node::{Diagnostic, Param, Prepared, Setup};
+use crate::prelude::*;
 
 /// The parameter `precision`.
 pub(crate) fn precision() -> Param {

@@ -1,14 +1,10 @@
 //! Compares each node in double precision with the same node in single precision.
 
-use super::*;
 use asperity_dsp::{Complex, Stft};
-use asperity_engine::{Engine, Options};
-use asperity_graph::{GraphFile, compile};
-use asperity_node::{
-    Buffer, Descriptor, FrameLayout, FrameRate, LayoutSpec, Node, Output, Processor, ShapeSpec, Source,
-    Status, Tick, Unit,
-};
+use asperity_node::{Buffer, FrameLayout, FrameRate, ParamValue, Shape};
 use std::f64::consts::TAU;
+
+use crate::bench::Alone;
 
 const RATE: u32 = 2500;
 const N: usize = 250;
@@ -25,63 +21,39 @@ fn signal(i: u64) -> f64 {
     (TAU * (90.0 + 100.0 * t) * t).sin() + (1..60).map(sine).sum::<f64>() / 30f64.sqrt()
 }
 
-/// Amplitudes of a frame's bins.
-fn magnitudes(stft: &mut Stft<f64>, frame: u64, x: impl Fn(u64) -> f64) -> Vec<f64> {
-    let from = frame * 5;
-    let cut: Vec<f64> = (from..from + N as u64).map(x).collect();
-    stft.process(&cut).iter().take(BINS).map(|c| c.norm()).collect()
+/// A node of these parameters, with the signals that its kind takes and gives.
+fn node(kind: &str, set: &[(&str, ParamValue)]) -> Alone {
+    let frame_rate = FrameRate::new(500, 1).unwrap();
+    let layout = FrameLayout { rate_hz: RATE, length: N as u32, bins: BINS as u32, frame_rate };
+    let (magnitude, spectrum) = (Shape::Magnitude(layout), Shape::Spectrum(layout));
+    let audio = |rate_hz| Shape::Audio { rate_hz };
+    let (takes, gives) = match kind {
+        "overlap_add" => (spectrum, audio(RATE)),
+        "resample" => (audio(RATE), audio(48_000)),
+        "oscillator_bank" | "sample_commit" => (magnitude, audio(RATE)),
+        _ => (magnitude, spectrum),
+    };
+    Alone::new(kind, set, (500, 1, 48_000), &[takes], &[gives]).unwrap()
 }
 
-/// Plays the magnitudes of [`signal`].
-struct Given(Stft<f64>);
-
-impl Node for Given {
-    fn descriptor() -> Descriptor {
-        let frame_rate = FrameRate::new(500, 1).unwrap();
-        let layout = FrameLayout { rate_hz: RATE, length: N as u32, bins: BINS as u32, frame_rate };
-        let shape = ShapeSpec::Magnitude(LayoutSpec::Is(layout));
-        Descriptor::new("given", "Plays frames.").output(Output::new("magnitude", shape, Unit::NONE))
-    }
-    fn prepare(_: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        Ok(Prepared::new(Self(Stft::new(N))))
-    }
-}
-
-impl Processor for Given {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let mags = magnitudes(&mut self.0, tick.index, signal);
-        let out = tick.outputs.magnitude(0, tick.index, tick.index * 5);
-        out.iter_mut().zip(mags).for_each(|(to, m)| *to = m as f32);
-        Status::Continue
-    }
-    fn reset(&mut self) {}
-}
-
-/// Output of the node `it` over all ticks, where `before` stands between it and the frames.
-fn run(before: &[&str], kind: &str, settings: &str, precision: &str) -> Vec<Complex<f64>> {
-    let mut nodes = String::from("\"given\": (kind: \"given\")");
-    let mut wires = String::new();
-    let mut last = "given";
-    for node in before {
-        nodes += &format!(", \"{node}\": (kind: \"{node}\")");
-        wires += &format!("(\"{last}\", \"{node}\"), ");
-        last = node;
-    }
-    let text = format!(
-        "Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{{nodes}, \"it\": (kind: \"{kind}\", \
-         params: ({settings} precision: \"{precision}\")), \"probe\": (kind: \"probe\")}}, \
-         wires: [{wires}(\"{last}\", \"it\"), (\"it\", \"probe\")])"
-    );
-    let graph = GraphFile::parse(&Source::new("precision.ron", text)).unwrap();
-    let compiled = compile(&graph, &crate::registry().with::<Given>(), Default::default()).unwrap();
-    let mut engine = Engine::new(compiled, Options::default());
-    let it = engine.schedule().index_of("it").unwrap();
+/// Output of a node over all ticks, where `before` stands between it and the magnitudes of [`signal`].
+fn run(before: &[&str], kind: &str, set: &[(&str, ParamValue)]) -> Vec<Complex<f64>> {
+    let mut nodes: Vec<Alone> = before.iter().map(|kind| node(kind, &[])).collect();
+    nodes.push(node(kind, set));
+    let mut stft = Stft::<f64>::new(N);
     let mut all = Vec::new();
-    for _ in 0..FRAMES {
-        engine.tick();
-        match engine.output(it, 0).unwrap() {
+    for tick in 0..FRAMES {
+        let cut: Vec<f64> = (tick * 5..tick * 5 + N as u64).map(signal).collect();
+        let bins = stft.process(&cut).iter().take(BINS).map(|c| c.norm() as f32).collect();
+        let mut signal = Buffer::Magnitude { bins, frame: Some((tick, tick * 5)), valid: true };
+        for node in &mut nodes {
+            node.inputs[0] = signal;
+            node.tick(tick);
+            signal = node.outputs[0].clone();
+        }
+        match signal {
             Buffer::Audio { samples, len, .. } => {
-                all.extend(samples[..*len].iter().map(|&y| Complex::new(f64::from(y), 0.0)));
+                all.extend(samples[..len].iter().map(|y| Complex::new(f64::from(*y), 0.0)));
             }
             Buffer::Spectrum { bins, .. } => {
                 all.extend(bins.iter().map(|c| Complex::new(f64::from(c.re), f64::from(c.im))));
@@ -89,7 +61,6 @@ fn run(before: &[&str], kind: &str, settings: &str, precision: &str) -> Vec<Comp
             other => panic!("{other:?}"),
         }
     }
-    assert_eq!(engine.faults(), 0);
     all
 }
 
@@ -112,18 +83,28 @@ const NODES: [(&[&str], &str, &str, f64); 10] = [
     (&[], "random_phase", "", 4.0),
     (&[], "spsi", "", 30.0),
     (&[], "oscillator_bank", "", 8.0),
-    (&[], "oscillator_bank", "partials: \"tracked\",", 8.0),
+    (&[], "oscillator_bank", "tracked", 8.0),
     (&[], "sample_commit", "", 50_000.0),
-    (&[], "sample_commit", "emission: 0,", 8000.0),
+    (&[], "sample_commit", "emission 0", 8000.0),
     (&["random_phase"], "overlap_add", "", 12.0),
     (&["phase_vocoder", "overlap_add"], "resample", "", 6.0),
-    (&["phase_vocoder", "overlap_add"], "resample", "phase: \"minimum\",", 6.0),
+    (&["phase_vocoder", "overlap_add"], "resample", "minimum", 6.0),
 ];
 
 #[test]
 fn double_and_single_differ_by_rounding_only() {
     for (before, kind, settings, most) in NODES {
-        let both = ["f32", "f64"].map(|precision| run(before, kind, settings, precision));
+        let both = ["f32", "f64"].map(|precision| {
+            let text = |text: &str| ParamValue::Text(text.into());
+            let mut set = vec![("precision", text(precision))];
+            match settings {
+                "tracked" => set.push(("partials", text(settings))),
+                "minimum" => set.push(("phase", text(settings))),
+                "emission 0" => set.push(("emission", ParamValue::Integer(0))),
+                _ => {}
+            }
+            run(before, kind, &set)
+        });
         let top = peak(&both[0]);
         assert!(top > 0.1, "{kind} {settings} is all but silent: {top}");
         let roundings = apart(&both) / (top * EPS);

@@ -1,6 +1,6 @@
 //! Time since the last valid position. Ticks may be lost, and positions may be invalid.
 
-use asperity_node::State;
+use crate::prelude::*;
 
 /// Counts the runs of a node since the last valid position.
 pub(crate) struct Since {

@@ -288,14 +288,17 @@ impl fmt::Debug for Prepared {
 
 /// A node that runs; [`Node::prepare`] makes it.
 ///
-/// A wrapper implements `process`, `reset` and [`inner`](Self::inner): every other call reaches the node
-/// inside by its default.
+/// A wrapper implements `process` and [`inner`](Self::inner): every other call reaches the node inside by its
+/// default.
 pub trait Processor: Send {
     /// Runs one tick. Tick thread.
     fn process(&mut self, tick: &mut Tick<'_>) -> Status;
 
-    /// Restores the state after `prepare`, with the current parameters. Tick thread.
-    fn reset(&mut self);
+    /// Restores the state after `prepare`, with the current parameters. A node without state leaves it out.
+    /// Tick thread.
+    fn reset(&mut self) {
+        self.inner(&mut |node| node.reset());
+    }
 
     /// Gates only: whether the gated input is wanted this tick. Called once a tick, before `process`,
     /// when all inputs but the gated one are ready. Tick thread.
@@ -385,10 +388,13 @@ impl<'p> dyn Processor + 'p {
         State::save(bytes, |s| self.state(s))
     }
 
-    /// Continues from the state of another instance. Returns false on failure; then the caller resets
-    /// it. Tick thread.
+    /// Continues from the state of another instance. Returns false on failure, and begins anew. Tick thread.
     pub fn restore(&mut self, bytes: &[u8]) -> bool {
-        State::restore(bytes, |s| self.state(s))
+        let restored = State::restore(bytes, |s| self.state(s));
+        if !restored {
+            self.reset();
+        }
+        restored
     }
 }
 

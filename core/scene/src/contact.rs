@@ -6,7 +6,7 @@ use asperity_state::State;
 
 use super::state::{ContactSettings, ContactState, Motion, Pull, Voice};
 use super::{NETWORK, Scene, Slots};
-use crate::space::{Contact, Entry, Hold, Index};
+use crate::space::{Contact, Entry, Hold, Index, dot};
 
 /// Least depth at which a stylus touches a surface \[mm\].
 const TOUCHED_MM: f64 = 1e-6;
@@ -35,22 +35,49 @@ impl EffectNames {
     }
 }
 
-/// The wall of a surface. Its slots stand in [`Contacts::wall_slots`].
-#[derive(Clone, Copy, Debug)]
+/// The wall of a surface, and the slots of its effects.
+#[derive(Clone, Debug)]
 struct Wall {
     number: f64,
     stiffness_n_per_mm: f64,
     damping_ns_per_m: f64,
     material: f64,
+    touching: Vec<f64>,
+    inside: Vec<f64>,
+    textures: Vec<f64>,
 }
 
-/// Surfaces with an effect that acts from both sides of them.
+/// A surface without a stiffness, and its slots of `inside`.
 #[derive(Clone, Debug)]
-struct Near {
+struct Volume {
+    number: f64,
+    inside: Vec<f64>,
+}
+
+/// Surfaces of one kind, what is known of each, and the one that is held.
+#[derive(Clone, Debug)]
+struct Group<T> {
     index: Index,
-    /// Slot of each surface.
-    slots: Vec<f64>,
+    of: Vec<T>,
     held: Option<Hold>,
+}
+
+impl<T> Group<T> {
+    fn new(all: Vec<(Entry, T)>, scene: &Scene) -> Result<Self, Diagnostic> {
+        let (entries, of) = all.into_iter().unzip();
+        Ok(Self { index: Index::new(entries, scene.hysteresis_mm)?, of, held: None })
+    }
+
+    /// Finds the surface at a place, and holds it.
+    fn find(&mut self, at: [f64; 3]) -> Option<Contact> {
+        let found = self.index.find(at, self.held);
+        self.held = found.map(|contact| contact.hold());
+        found
+    }
+
+    fn of(&self, contact: Option<Contact>) -> Option<&T> {
+        self.of.get(contact?.entry as usize)
+    }
 }
 
 /// One of two voices of a crossfade.
@@ -70,39 +97,27 @@ const APPROACH_S: f64 = 0.02;
 /// Most places that this measurement keeps.
 const MOST_PLACES: f64 = 80.0;
 
-/// Places of a stylus in the last ticks.
+/// Places of a stylus in the last ticks, the newest first.
 #[derive(Clone, Debug)]
 struct Past {
-    /// Ring buffer.
     places: Vec<[f64; 3]>,
-    next: usize,
     known: usize,
 }
 
 impl Past {
     fn new(ticks: f64) -> Self {
-        Self { places: vec![[0.0; 3]; ticks.ceil().clamp(1.0, MOST_PLACES) as usize], next: 0, known: 0 }
+        Self { places: vec![[0.0; 3]; ticks.ceil().clamp(1.0, MOST_PLACES) as usize], known: 0 }
     }
 
     fn add(&mut self, place: [f64; 3]) {
-        if let Some(to) = self.places.get_mut(self.next) {
-            *to = place;
-        }
-        self.next = (self.next + 1) % self.places.len();
+        self.places.rotate_right(1);
+        self.places[0] = place;
         self.known = (self.known + 1).min(self.places.len());
     }
 
     /// Gives the age in ticks and the place of each entry, oldest first.
-    fn iter(&self) -> impl Iterator<Item = (u32, [f64; 3])> {
-        let count = self.places.len();
-        (1..=self.known)
-            .rev()
-            .filter_map(move |ago| Some((ago as u32, *self.places.get((self.next + count - ago) % count)?)))
-    }
-
-    fn is_sound(&self) -> bool {
-        let finite = self.places.iter().flatten().all(|x| x.is_finite());
-        finite && self.next < self.places.len() && self.known <= self.places.len()
+    fn oldest_first(&self) -> impl Iterator<Item = (usize, [f64; 3])> {
+        self.places[..self.known].iter().copied().enumerate().rev().map(|(before, place)| (before + 1, place))
     }
 }
 
@@ -124,17 +139,10 @@ const FLAT: [[f64; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
 pub struct Contacts {
     settings: ContactSettings,
     tick_s: f64,
-    walls: Index,
-    of_walls: Vec<Wall>,
-    /// Slots of the walls. Each wall has its slots of `touching`, of `inside` and of `textures`.
-    wall_slots: Vec<f64>,
-    zones: Index,
-    /// Numbers of the volumes. `zone_slots` has the slots of `inside` of each.
-    of_zones: Vec<f64>,
-    zone_slots: Vec<f64>,
-    near: Vec<Near>,
-    /// Wall and volume that are touched.
-    held: [Option<Hold>; 2],
+    walls: Group<Wall>,
+    volumes: Group<Volume>,
+    /// Surfaces with an effect that acts from both sides of them, and their slots.
+    near: Vec<Group<f64>>,
     /// Whether the held wall is touched.
     touching: bool,
     air_ticks: u64,
@@ -170,48 +178,41 @@ impl Contacts {
         settings: ContactSettings,
         run_hz: f64,
     ) -> Result<Self, Diagnostic> {
-        let all = |names: &[String]| -> Vec<Slots> { names.iter().map(|name| scene.slots(name)).collect() };
-        let [touching, inside, textures] = [&names.touching, &names.inside, &names.textures].map(|n| all(n));
-        let network = scene.slots(NETWORK);
-        let slot = |slots: &Slots, number: usize| -> f64 {
-            slots.of.get(number).copied().flatten().map_or(NONE, |slot| slot as f64)
+        let slots = |names: &[String]| -> Vec<Slots> { names.iter().map(|name| scene.slots(name)).collect() };
+        let [touching, inside, textures] =
+            [&names.touching, &names.inside, &names.textures].map(|n| slots(n));
+        let network = [scene.slots(NETWORK)];
+        let of = |all: &[Slots], number: usize| -> Vec<f64> {
+            let slot = |slots: &Slots| slots.of.get(number).copied().flatten();
+            all.iter().map(|slots| slot(slots).map_or(NONE, |slot| slot as f64)).collect()
         };
-        let (mut walls, mut of_walls, mut wall_slots) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut zones, mut of_zones, mut zone_slots) = (Vec::new(), Vec::new(), Vec::new());
-        for (number, touchable) in scene.surfaces.iter().enumerate() {
+        let (mut walls, mut volumes) = (vec![], vec![]);
+        for (n, touchable) in scene.surfaces.iter().enumerate() {
             let entry = |reach_mm| Entry { surface: touchable.surface.clone(), reach_mm };
             let effects = &touchable.effects;
-            let of_inside = inside.iter().map(|slots| slot(slots, number));
+            let (number, inside) = (n as f64, of(&inside, n));
             if let Some(stiffness) = &effects.stiffness {
-                walls.push(entry(settings.anticipate_mm));
-                of_walls.push(Wall {
-                    number: number as f64,
+                let wall = Wall {
+                    number,
                     stiffness_n_per_mm: stiffness.of,
                     damping_ns_per_m: effects.damping.as_ref().map_or(0.0, |d| d.of),
-                    material: slot(&network, number),
-                });
-                wall_slots.extend(touching.iter().map(|slots| slot(slots, number)));
-                wall_slots.extend(of_inside);
-                wall_slots.extend(textures.iter().map(|slots| slot(slots, number)));
-            } else if of_inside.clone().any(|slot| slot >= 0.0) {
-                zones.push(entry(0.0));
-                of_zones.push(number as f64);
-                zone_slots.extend(of_inside);
+                    material: of(&network, n)[0],
+                    touching: of(&touching, n),
+                    inside,
+                    textures: of(&textures, n),
+                };
+                walls.push((entry(settings.anticipate_mm), wall));
+            } else if inside.iter().any(|slot| *slot >= 0.0) {
+                volumes.push((entry(0.0), Volume { number, inside }));
             }
         }
         let near = names.near.iter().map(|kind| near(scene, kind)).collect::<Result<_, _>>()?;
-        let index = |entries| Index::new(entries, scene.hysteresis_mm);
         Ok(Self {
             settings,
             tick_s: 1.0 / run_hz,
-            walls: index(walls)?,
-            of_walls,
-            zones: index(zones)?,
-            of_zones,
-            zone_slots,
-            wall_slots,
+            walls: Group::new(walls, scene)?,
+            volumes: Group::new(volumes, scene)?,
             near,
-            held: [None; 2],
             touching: false,
             air_ticks: 0,
             before: None,
@@ -231,14 +232,14 @@ impl Contacts {
 
     /// Numbers of walls, of volumes, and of surfaces that act from both sides.
     pub fn counts(&self) -> [usize; 3] {
-        let near = self.near.iter().map(|near| near.slots.len()).sum();
-        [self.of_walls.len(), self.of_zones.len(), near]
+        let near = self.near.iter().map(|near| near.of.len()).sum();
+        [self.walls.of.len(), self.volumes.of.len(), near]
     }
 
     /// Size of the search trees in bytes.
     pub fn bytes(&self) -> usize {
         let near: usize = self.near.iter().map(|near| near.index.bytes()).sum();
-        self.walls.bytes() + self.zones.bytes() + near
+        self.walls.index.bytes() + self.volumes.index.bytes() + near
     }
 
     /// Notes that for so many ticks no place was known. A wall that the next place lies in was reached on
@@ -263,14 +264,13 @@ impl Contacts {
         let was_touching = std::mem::replace(&mut self.touching, touched.is_some());
         self.air_ticks = if touched.is_some() { 0 } else { self.air_ticks.saturating_add(1) };
         if let Some(contact) = touched.as_ref().or(found.as_ref()) {
-            self.held[0] = Some(contact.hold());
+            self.walls.held = Some(contact.hold());
         }
         // In the air, the surface touched last gives the directions, so that a fading texture goes on as
         // it was.
         self.tangents = touched.map_or(self.tangents, |contact| contact.touch.tangents);
         let tangents = self.tangents;
         let velocity_mm_s = along(tangents, motion.velocity_mm_s);
-        let wall = touched.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
         let approach = match (before, touched) {
             (Some(before), Some(contact)) if !was_touching => self.approach(before, missed, &contact),
             (None, Some(_)) if !was_touching && put_down => Some((self.settings.put_down_mm_s, 0.0)),
@@ -278,14 +278,14 @@ impl Contacts {
         };
         let (approach_mm_s, moment) = approach.unwrap_or_default();
         self.past.add(at);
-        self.fade(touched.as_ref(), wall.as_ref());
+        self.fade(touched.as_ref());
         self.place_mm = match &touched {
             Some(contact) => contact.touch.place_mm,
             None => self.onwards(self.place_mm, tangents, motion.unfiltered_mm_s),
         };
         self.follow(motion.unfiltered_mm_s, touched.as_ref());
 
-        let near = found.and_then(|contact| self.of_walls.get(contact.entry as usize).copied());
+        let (near, number) = (self.walls.of(found), self.walls.of(touched).map_or(NONE, |wall| wall.number));
         let depth_mm = touched.map_or(0.0, |contact| contact.touch.depth_mm);
         let (normal, plane_mm) = match found {
             Some(Contact { touch, .. }) => {
@@ -299,10 +299,14 @@ impl Contacts {
         let outward = dot(motion.unfiltered_mm_s, normal);
         let pushed =
             if touched.is_some() { (hooke - 1e-3 * damping * outward).clamp(0.0, most) } else { 0.0 };
-        let zone = self.zone(at);
-        self.slots(touched.map(|contact| contact.entry as usize), zone);
-        for i in 0..self.near.len() {
-            self.pull(i, at);
+        let volume = self.volumes.find(at);
+        self.slots(touched, volume);
+        for (near, pull) in self.near.iter_mut().zip(&mut self.state.near) {
+            let found = near.find(at);
+            *pull = found.map_or(NO_PULL, |Contact { touch, .. }| {
+                let slot = near.of(found).copied().unwrap_or(NONE);
+                Pull { slot, distance_mm: -touch.depth_mm, normal: touch.normal }
+            });
         }
         for i in 0..2 {
             self.state.voices[i] = self.voice(i);
@@ -321,8 +325,8 @@ impl Contacts {
         state.velocity_mm_s = velocity_mm_s;
         state.speed_mm_s = velocity_mm_s[0].hypotenuse(velocity_mm_s[1]);
         state.slide_mm_s = along(tangents, motion.unfiltered_mm_s);
-        state.surface = wall.as_ref().map_or(NONE, |w| w.number);
-        state.volume = zone.and_then(|zone| self.of_zones.get(zone).copied()).unwrap_or(NONE);
+        state.surface = number;
+        state.volume = self.volumes.of(volume).map_or(NONE, |volume| volume.number);
         state.approach_mm_s = approach_mm_s;
         state.moment = moment;
         state.material = self.material;
@@ -331,42 +335,35 @@ impl Contacts {
     }
 
     /// Reports the slots of a wall and of a volume. Slots of the wall take precedence.
-    fn slots(&mut self, wall: Option<usize>, zone: Option<usize>) {
-        let (touching, inside) = (self.state.touching.len(), self.state.inside.len());
-        let each = touching + inside + self.state.textures[0].len();
-        let of_wall = wall.and_then(|wall| self.wall_slots.get(wall * each..(wall + 1) * each));
-        let of_zone = zone.and_then(|zone| self.zone_slots.get(zone * inside..(zone + 1) * inside));
+    fn slots(&mut self, wall: Option<Contact>, volume: Option<Contact>) {
+        let (wall, volume) = (self.walls.of(wall), self.volumes.of(volume));
         for (i, slot) in self.state.touching.iter_mut().enumerate() {
-            *slot = of_wall.map_or(NONE, |slots| slots[i]);
+            *slot = wall.map_or(NONE, |wall| wall.touching[i]);
         }
         for (i, slot) in self.state.inside.iter_mut().enumerate() {
-            let of_wall = of_wall.map_or(NONE, |slots| slots[touching + i]);
-            *slot = if of_wall >= 0.0 { of_wall } else { of_zone.map_or(NONE, |slots| slots[i]) };
+            let of_wall = wall.map(|wall| wall.inside[i]).filter(|slot| *slot >= 0.0);
+            *slot = of_wall.or_else(|| Some(volume?.inside[i])).unwrap_or(NONE);
         }
     }
 
     /// Finds the wall that is touched, or nearly touched.
     fn wall(&self, at: [f64; 3]) -> Option<Contact> {
-        let held = self.held[0].filter(|_| self.touching || self.settings.anticipate_mm > 0.0);
-        if self.settings.anticipate_mm > 0.0 {
-            self.walls.nearest(at, held)
-        } else {
-            self.walls.deepest(at, held)
-        }
+        let held = self.walls.held.filter(|_| self.touching || self.settings.anticipate_mm > 0.0);
+        self.walls.index.find(at, held)
     }
 
     /// Speed with which a wall was reached from outside, and the part of the tick at which that was.
     /// `missed` ticks were lost on the way.
     fn approach(&self, before: [f64; 3], missed: u64, contact: &Contact) -> Option<(f64, f64)> {
-        let surface = &self.walls.entries().get(contact.entry as usize)?.surface;
+        let surface = &self.walls.index.entries().get(contact.entry as usize)?.surface;
         let (from, to) = (-surface.depth_mm(before), -contact.touch.depth_mm);
         // A place that comes in steps may be on the surface, or so little inside that it is no touch yet.
         let moment = if from.abs() <= TOUCHED_MM && to < -TOUCHED_MM { 0.0 } else { crossing(from, to)? };
         // The speed is measured over the part of the path that lies outside. In a single tick, a step of
         // the device can look like any speed or none.
-        let far = self.past.iter().find_map(|(ticks, place)| {
+        let far = self.past.oldest_first().find_map(|(ticks, place)| {
             let from = -surface.depth_mm(place);
-            (from > 0.0 && from.is_finite()).then_some((from - to) / (f64::from(ticks) * self.tick_s))
+            (from > 0.0 && from.is_finite()).then_some((from - to) / (ticks as f64 * self.tick_s))
         });
         let ticks = 1.0 + missed as f64;
         // The wall was reached in the missed ticks, or in this one.
@@ -374,37 +371,10 @@ impl Contacts {
         Some((far.unwrap_or((from - to) / (ticks * self.tick_s)), moment))
     }
 
-    /// Finds the volume that a place lies in.
-    fn zone(&mut self, at: [f64; 3]) -> Option<usize> {
-        if self.of_zones.is_empty() {
-            return None;
-        }
-        let found = self.zones.deepest(at, self.held[1]);
-        self.held[1] = found.map(|contact| contact.hold());
-        Some(found?.entry as usize)
-    }
-
-    /// Finds the nearest surface with an effect that acts from both sides.
-    fn pull(&mut self, number: usize, at: [f64; 3]) {
-        let (Some(near), Some(state)) = (self.near.get_mut(number), self.state.near.get_mut(number)) else {
-            return;
-        };
-        *state = NO_PULL;
-        if near.slots.is_empty() {
-            return;
-        }
-        let found = near.index.nearest(at, near.held);
-        near.held = found.map(|contact| contact.hold());
-        if let Some(Contact { entry, touch, .. }) = found {
-            let slot = near.slots.get(entry as usize).copied().unwrap_or(NONE);
-            *state = Pull { slot, distance_mm: -touch.depth_mm, normal: touch.normal };
-        }
-    }
-
     /// Fades the textures towards those of the touched surface.
-    fn fade(&mut self, touched: Option<&Contact>, wall: Option<&Wall>) {
+    fn fade(&mut self, touched: Option<&Contact>) {
         let step = (self.tick_s / self.settings.crossfade_s.max(self.tick_s)).min(1.0);
-        let (Some(contact), Some(wall)) = (touched, wall) else {
+        let (Some(contact), Some(wall)) = (touched, self.walls.of(touched.copied())) else {
             let airborne_s = self.air_ticks as f64 * self.tick_s;
             if airborne_s > self.settings.hold_s {
                 (self.current, self.rested) = (None, true);
@@ -414,7 +384,7 @@ impl Contacts {
             return;
         };
         let step = if std::mem::take(&mut self.rested) { 1.0 } else { step };
-        if self.textures_of(contact.entry).iter().all(|slot| *slot < 0.0) {
+        if wall.textures.iter().all(|slot| *slot < 0.0) {
             self.current = None;
         } else {
             let hold = Some(contact.hold());
@@ -459,27 +429,19 @@ impl Contacts {
         if here.iter().all(|x: &f64| x.abs() < FAR_MM) { here } else { place_mm }
     }
 
-    /// Slots of the textures of a wall.
-    fn textures_of(&self, wall: u32) -> &[f64] {
-        let textures = self.state.textures[0].len();
-        let each = self.state.touching.len() + self.state.inside.len() + textures;
-        let end = (wall as usize + 1) * each;
-        self.wall_slots.get(end - textures..end).unwrap_or(&[])
-    }
-
     /// Voice as it is now. Its slots are reported beside it.
     fn voice(&mut self, number: usize) -> Voice {
         let voice = self.voices[number];
-        for i in 0..self.state.textures[number].len() {
-            let slot = voice.of.and_then(|hold| self.textures_of(hold.entry).get(i).copied());
-            self.state.textures[number][i] = slot.unwrap_or(NONE);
+        let wall = voice.of.and_then(|hold| self.walls.of.get(hold.entry as usize));
+        for (i, slot) in self.state.textures[number].iter_mut().enumerate() {
+            *slot = wall.map_or(NONE, |wall| wall.textures[i]);
         }
         Voice { level: level(voice.gain), place_mm: voice.place_mm, stroke: voice.stroke as f64 }
     }
 
     /// Forgets where the stylus was.
     pub fn reset(&mut self) {
-        self.held = [None; 2];
+        (self.walls.held, self.volumes.held) = (None, None);
         self.near.iter_mut().for_each(|near| near.held = None);
         (self.touching, self.air_ticks, self.before, self.stroke) = (false, 0, None, 0.0);
         (self.past.known, self.missed) = (0, 0);
@@ -491,13 +453,13 @@ impl Contacts {
     /// saved with, since it holds their numbers.
     pub fn state(&mut self, state: &mut State<'_>) {
         state
-            .keep(&mut self.held)
+            .keep(&mut self.walls.held)
+            .keep(&mut self.volumes.held)
             .keep(&mut self.touching)
             .keep(&mut self.air_ticks)
             .keep(&mut self.before)
             .keep(&mut self.missed)
-            .keep(&mut self.past.places[..])
-            .keep(&mut self.past.next)
+            .keep(&mut self.past.places)
             .keep(&mut self.past.known)
             .keep(&mut self.tangents)
             .keep(&mut self.place_mm)
@@ -510,40 +472,34 @@ impl Contacts {
             state.keep(&mut voice.tangents).keep(&mut voice.stroke);
         }
         state.keep(&mut self.current).keep(&mut self.rested).keep(&mut self.network).keep(&mut self.material);
-        if state.restores() {
-            let part = |x: f64| (0.0..=1.0).contains(&x);
-            let length = |tangents: &[[f64; 3]; 2]| tangents.iter().flatten().all(|x| x.abs() < 1.1);
-            let sound = self.voices.iter().all(|voice| {
-                part(voice.gain) && length(&voice.tangents) && voice.place_mm.iter().all(|x| x.abs() < FAR_MM)
-            }) && length(&self.tangents)
+        let part = |x: f64| (0.0..=1.0).contains(&x);
+        let near = |place: &[f64; 2]| place.iter().all(|x| x.abs() < FAR_MM);
+        let length = |tangents: &[[f64; 3]; 2]| tangents.iter().flatten().all(|x| x.abs() < 1.1);
+        let sound = |voice: &Fading| part(voice.gain) && length(&voice.tangents) && near(&voice.place_mm);
+        self.past.known = self.past.known.min(self.past.places.len());
+        state.require(
+            self.voices.iter().all(sound)
+                && length(&self.tangents)
                 && part(self.network)
-                && self.place_mm.iter().all(|x| x.abs() < FAR_MM)
+                && near(&self.place_mm)
                 && self.current.is_none_or(|i| i < 2)
                 && self.material.is_finite()
-                && self.before.is_none_or(|p| p.iter().all(|x| x.is_finite()))
-                && self.past.is_sound();
-            if !sound {
-                self.reset();
-            }
-            state.require(sound);
-        }
+                && self.before.iter().chain(&self.past.places).flatten().all(|x| x.is_finite()),
+        );
     }
 }
 
 /// Collects the surfaces with an effect that acts as far as `reach_mm` in its settings says.
-fn near(scene: &Scene, kind: &str) -> Result<Near, Diagnostic> {
+fn near(scene: &Scene, kind: &str) -> Result<Group<f64>, Diagnostic> {
     let slots = scene.slots(kind);
-    let (mut entries, mut of_entries) = (Vec::new(), Vec::new());
-    for (number, touchable) in scene.surfaces.iter().enumerate() {
-        let (Some(named), Some(Some(slot))) = (touchable.effects.of(kind).next(), slots.of.get(number))
-        else {
-            continue;
-        };
-        let reach_mm = named.value.record(kind)?.required("reach_mm")?.f64_in(1e-3..=1000.0, "mm")?;
-        entries.push(Entry { surface: touchable.surface.clone(), reach_mm });
-        of_entries.push(*slot as f64);
+    let mut all = Vec::new();
+    for (touchable, slot) in scene.surfaces.iter().zip(&slots.of) {
+        if let (Some(named), Some(slot)) = (touchable.effects.of(kind).next(), slot) {
+            let reach_mm = named.value.record(kind)?.required("reach_mm")?.f64_in(1e-3..=1000.0, "mm")?;
+            all.push((Entry { surface: touchable.surface.clone(), reach_mm }, *slot as f64));
+        }
     }
-    Ok(Near { index: Index::new(entries, scene.hysteresis_mm)?, slots: of_entries, held: None })
+    Group::new(all, scene)
 }
 
 const NO_PULL: Pull = Pull { slot: NONE, distance_mm: 0.0, normal: [0.0; 3] };
@@ -596,10 +552,6 @@ fn towards(gain: f64, up: bool, step: f64) -> f64 {
 /// Velocity along two directions; 0 if it is not a number.
 fn along(tangents: [[f64; 3]; 2], velocity: [f64; 3]) -> [f64; 2] {
     tangents.map(|t| Some(dot(t, velocity)).filter(|v| v.is_finite()).unwrap_or(0.0))
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[cfg(test)]

@@ -2,12 +2,13 @@
 
 use std::collections::HashSet;
 use std::path::PathBuf;
+use std::sync::LazyLock;
 
 use asperity_diagnostics::ron::{Kind, Record, Value};
-use asperity_diagnostics::{Diagnostic, Place, Span, one_of};
-use asperity_node::{Acts, Effect, Registry, Settings};
+use asperity_diagnostics::{Diagnostic, Place, one_of};
+use asperity_node::{Acts, Effect, Form, Registry, Settings};
 
-use super::read::{error, place};
+use super::read::{error, word};
 use super::{NETWORK, Named, Placed, Scene};
 
 /// Effects of a surface on a stylus. An effect that is not named does not act.
@@ -17,9 +18,8 @@ pub struct Effects {
     pub stiffness: Option<Placed<f64>>,
     /// Damping of the wall along its normal while it is touched \[N s/m\], 0 to 1000.
     pub damping: Option<Placed<f64>>,
-    /// A texture by the scene's network.
-    pub network: Option<Place>,
-    /// Effects by the names of their kinds, in the order of the file.
+    /// Effects by the names of their kinds, in the order of the file. `network` is the texture by the scene's
+    /// network.
     pub named: Vec<Named>,
 }
 
@@ -31,15 +31,12 @@ impl Effects {
 
     /// Whether there is a texture.
     pub fn has_texture(&self) -> bool {
-        self.network.is_some() || self.named.iter().any(|named| named.texture)
+        self.named.iter().any(|named| named.texture)
     }
 
-    /// Places of the effects of a kind. `network` is the texture by the scene's network.
-    pub fn places(&self, kind: &str) -> Vec<Place> {
-        match kind {
-            NETWORK => self.network.iter().cloned().collect(),
-            kind => self.of(kind).map(|named| named.value.place()).collect(),
-        }
+    /// Place of the first effect of a kind.
+    pub fn place(&self, kind: &str) -> Option<Place> {
+        self.of(kind).next().map(|named| named.value.place())
     }
 }
 
@@ -77,7 +74,7 @@ fn wall(
     let mut record = value.record(name)?;
     let of = record.required(field)?.f64_in(range, unit)?;
     record.finish()?;
-    Ok(Some(Placed { of, place: place(value) }))
+    Ok(Some(Placed { of, place: value.place() }))
 }
 
 /// Reads the field `texture`: one texture or a list of them.
@@ -92,28 +89,25 @@ fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
                 .error(format!("expected a texture, found {}", value.describe()))
                 .help("texture: network, or texture: relief(heights: ...)"));
         };
-        let start = value.span().start;
-        let name = Place { source: value.source().clone(), span: Span { start, end: start + kind.len() } };
-        if kind == NETWORK {
-            if let Kind::Record { .. } = value.kind() {
-                value.record(NETWORK)?.finish()?;
-            }
-            if let Some(first) = effects.network.replace(place(value)) {
-                return Err(error(&place(value), "two network textures of one material").related(
-                    &first.source,
-                    first.span,
-                    "the other",
-                ));
-            }
-        } else {
-            effects.named.push(Named { kind: kind.clone(), name, texture: true, value: value.clone() });
+        let name = word(value, kind);
+        if let (NETWORK, Some(first)) = (kind.as_str(), effects.place(NETWORK)) {
+            let second = error(&value.place(), "two network textures of one material");
+            return Err(second.related(&first.source, first.span, "the other"));
         }
+        effects.named.push(Named { kind: kind.clone(), name, texture: true, value: value.clone() });
     }
     Ok(())
 }
 
+/// The texture by the scene's network: its settings are the surface's material.
+static BY_NETWORK: LazyLock<Effect> =
+    LazyLock::new(|| Effect::new("materials", Acts::Gliding).form(Form::new("", NETWORK)));
+
 /// Finds the effect of a kind.
 pub(super) fn effect_of<'r>(registry: &'r Registry, kind: &str) -> Option<&'r Effect> {
+    if kind == NETWORK {
+        return Some(&BY_NETWORK);
+    }
     registry.get(kind)?.descriptor().effect.as_ref()
 }
 
@@ -174,9 +168,8 @@ impl Scene {
                 matches!(acts, Some(Acts::Touching | Acts::Gliding))
             };
             let damping = effects.damping.as_ref().map(|damping| ("damping", &damping.place));
-            let network = effects.network.as_ref().map(|place| (NETWORK, place));
             let named = effects.named.iter().find(on_walls).map(|named| (named.kind.as_str(), &named.name));
-            if let Some((what, place)) = damping.or(named).or(network) {
+            if let Some((what, place)) = damping.or(named) {
                 return Err(error(place, format!("`{what}` on a surface that does not push back")).help(
                     "without `stiffness` there is no normal force, and nothing of this would be felt",
                 ));

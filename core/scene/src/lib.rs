@@ -33,7 +33,6 @@
 //!
 //! Effects of one surface add up. Where surfaces overlap, the deepest is touched until another is deeper
 //! by `hysteresis_mm`.
-//! `hysteresis_mm`.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

@@ -7,7 +7,7 @@ use asperity_node::{Direction, Law, Registry, ShapeSpec};
 
 use super::bound::{Passivity, Quantisation, Sampling};
 use super::effects::effect_of;
-use super::{Device, Placed, Scene, Touchable};
+use super::{Device, NETWORK, Placed, Scene, Touchable};
 
 /// A finding about a scene that its device may not be able to render.
 #[derive(Clone, Debug)]
@@ -61,9 +61,8 @@ impl Scene {
             return None;
         }
         let place = |surface: &Touchable| {
-            let effects = &surface.effects;
-            let vibrates = effects.named.iter().find(|named| vibrates(registry, &named.kind));
-            effects.network.clone().or_else(|| vibrates.map(|named| named.value.place()))
+            let vibrates = surface.effects.named.iter().find(|named| vibrates(registry, &named.kind));
+            vibrates.map(|named| named.value.place())
         };
         let mut all = self.surfaces.iter().filter_map(|surface| Some((&surface.name, place(surface)?)));
         let (name, place) = all.next()?;
@@ -140,5 +139,6 @@ impl Scene {
 /// Whether an effect is felt as vibration and not as a force: its output is audio.
 pub(super) fn vibrates(registry: &Registry, kind: &str) -> bool {
     let outputs = registry.get(kind).map(|kind| &kind.descriptor().outputs);
-    outputs.is_some_and(|all| all.iter().any(|output| matches!(output.shape, ShapeSpec::Audio(_))))
+    kind == NETWORK
+        || outputs.is_some_and(|all| all.iter().any(|output| matches!(output.shape, ShapeSpec::Audio(_))))
 }

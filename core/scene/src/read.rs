@@ -10,7 +10,7 @@ use asperity_diagnostics::{Diagnostic, Place, Source, Span, nearest, one_of};
 
 use crate::space::HeightGrid;
 
-use super::{Device, Part, Placed, Scene, Touchable, effects, surface};
+use super::{Device, Heights, NETWORK, Part, Placed, Scene, Touchable, effects, surface};
 
 impl Scene {
     /// Reads a scene file.
@@ -39,98 +39,74 @@ impl Scene {
     ///   opened.
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let value = ron::parse(source)?;
-        let mut scene = value.record("Scene")?;
+        let mut record = value.record("Scene")?;
+        let scene = &mut record;
         let version = scene.required("version")?;
         if version.i64()? != 1 {
             return Err(version
                 .error("unknown version of the scene format")
                 .help("this program reads version 1"));
         }
-        let mut whole = |name, range: RangeInclusive<i64>, unit, default: i64| {
-            scene.optional(name).map_or(Ok(default), |v| v.i64_in(range, unit))
-        };
-        let tick_hz = whole("tick_hz", 100..=4000, "Hz", 500)? as u32;
-        let audio_hz = whole("audio_hz", 8000..=192_000, "Hz", 48_000)? as u32;
-        let seed = whole("seed", 0..=i64::MAX, "", 1)? as u64;
-        let plugins = scene.optional("plugins").cloned();
-        let input = part(scene.required("input")?)?;
         let here = Place { source: source.clone(), span: Span::at(value.span().start) };
-        let mut section = |name, kind: &str| -> Result<Option<Part>, Diagnostic> {
-            scene.optional(name).map(|value| fields(value, kind)).transpose()
-        };
         let usual = |kind: &str| Part { kind: kind.to_owned(), place: here.clone(), settings: Vec::new() };
-        let motion = section("motion", "velocity")?.unwrap_or_else(|| usual("velocity"));
-        let network = section("network", "texture_network")?;
-        let gate = section("gate", "speed_gate")?.unwrap_or_else(|| usual("speed_gate"));
-        let actuator = section("actuator", "actuator_inverse")?.unwrap_or_else(|| usual("actuator_inverse"));
-        // Same default as in graphs/texture.ron.
-        let phase = scene.optional("phase").map(part).transpose()?.unwrap_or_else(|| usual("shaped_noise"));
-        let output = scene.optional("output").map(part).transpose()?;
-        let device = device(scene.optional("device"), here)?;
-        let gain = number(&mut scene, "gain", 0.0..=100.0, "", Some(1.0))?;
-        let hysteresis_mm = number(&mut scene, "hysteresis_mm", 0.0..=10.0, "mm", Some(0.1))?;
+        let of =
+            |value: Option<&Value>, kind: &str| value.map_or_else(|| Ok(usual(kind)), |v| fields(v, kind));
         let mut known = Known::default();
-        let list = scene.required("surfaces")?;
-        let entries = list.map()?;
-        if entries.is_empty() {
-            return Err(list
-                .error("a scene of nothing to touch")
-                .help("surfaces: {\"floor\": (shape: plane, ...)}"));
-        }
-        let surfaces = entries
-            .iter()
-            .map(|(key, value)| touchable(key, value, &mut known))
-            .collect::<Result<Vec<_>, _>>()?;
-        scene.finish()?;
-        let networked = surfaces.iter().find_map(|surface| surface.effects.network.as_ref());
-        if let (Some(texture), None) = (networked, &network) {
-            return Err(error(texture, "a network texture in a scene without a network")
-                .help("network: (model: \"FILE.onnx\", library: \"FILE.ron\")"));
-        }
-        let source = source.clone();
-        Ok(Self {
-            source,
-            tick_hz,
-            audio_hz,
-            seed,
-            plugins,
-            input,
-            motion,
-            device,
-            network,
-            phase,
-            gate,
-            gain,
-            actuator,
-            output,
-            hysteresis_mm,
-            surfaces,
+        let read = Self {
+            source: source.clone(),
+            tick_hz: whole(scene, "tick_hz", 100..=4000, "Hz", 500)? as u32,
+            audio_hz: whole(scene, "audio_hz", 8000..=192_000, "Hz", 48_000)? as u32,
+            seed: whole(scene, "seed", 0..=i64::MAX, "", 1)? as u64,
+            plugins: scene.optional("plugins").cloned(),
+            input: part(scene.required("input")?)?,
+            motion: of(scene.optional("motion"), "velocity")?,
+            device: device(scene.optional("device"), &here)?,
+            network: scene.optional(NETWORK).map(|value| fields(value, "texture_network")).transpose()?,
+            // Same default as in graphs/texture.ron.
+            phase: scene.optional("phase").map_or_else(|| Ok(usual("shaped_noise")), part)?,
+            gate: of(scene.optional("gate"), "speed_gate")?,
+            gain: number(scene, "gain", 0.0..=100.0, "", Some(1.0))?,
+            actuator: of(scene.optional("actuator"), "actuator_inverse")?,
+            output: scene.optional("output").map(part).transpose()?,
+            hysteresis_mm: number(scene, "hysteresis_mm", 0.0..=10.0, "mm", Some(0.1))?,
+            surfaces: surfaces(scene.required("surfaces")?, &mut known)?,
             pictures: known.pictures,
-        })
+        };
+        record.finish()?;
+        let networked = read.surfaces.iter().find_map(|surface| surface.effects.place(NETWORK));
+        match networked {
+            Some(texture) if read.network.is_none() => {
+                Err(error(&texture, "a network texture in a scene without a network")
+                    .help("network: (model: \"FILE.onnx\", library: \"FILE.ron\")"))
+            }
+            _ => Ok(read),
+        }
     }
 }
 
-/// Cache of height grids: a text that stands in the file more than once makes only one grid. Making a
-/// grid takes a millisecond or more.
+/// Height grids by their sources: each is made once, which takes a millisecond or more.
 #[derive(Default)]
 pub(super) struct Known {
     grids: HashMap<String, Arc<HeightGrid>>,
     /// Pictures that were read.
-    pub(super) pictures: Vec<PathBuf>,
+    pictures: Vec<PathBuf>,
 }
 
 impl Known {
     pub(super) fn grid(
         &mut self,
-        value: &Value,
-        make: impl FnOnce(&Value) -> Result<HeightGrid, Diagnostic>,
+        heights: &Heights,
+        make: impl FnOnce() -> Result<HeightGrid, Diagnostic>,
     ) -> Result<Arc<HeightGrid>, Diagnostic> {
-        let text = value.to_string();
-        if let Some(found) = self.grids.get(&text) {
+        let source = format!("{heights:?}");
+        if let Some(found) = self.grids.get(&source) {
             return Ok(found.clone());
         }
-        let made = Arc::new(make(value)?);
-        self.grids.insert(text, made.clone());
+        if let Heights::Picture { file, .. } = heights {
+            self.pictures.push(file.clone());
+        }
+        let made = Arc::new(make()?);
+        self.grids.insert(source, made.clone());
         Ok(made)
     }
 }
@@ -138,11 +114,6 @@ impl Known {
 /// Error at a place.
 pub(super) fn error(place: &Place, message: impl Into<String>) -> Diagnostic {
     Diagnostic::new(message).at(&place.source, place.span)
-}
-
-/// Place of a value.
-pub(super) fn place(value: &Value) -> Place {
-    Place { source: value.source().clone(), span: value.span() }
 }
 
 /// Number of a record, within a range. It is required if there is no default.
@@ -160,6 +131,17 @@ pub(super) fn number(
     }
 }
 
+/// Whole number of a record, within a range.
+pub(super) fn whole(
+    record: &mut Record<'_>,
+    name: &str,
+    range: RangeInclusive<i64>,
+    unit: &str,
+    default: i64,
+) -> Result<i64, Diagnostic> {
+    record.optional(name).map_or(Ok(default), |value| value.i64_in(range, unit))
+}
+
 /// Fixed count of numbers, each within a range.
 pub(super) fn numbers<const N: usize>(
     value: &Value,
@@ -172,14 +154,9 @@ pub(super) fn numbers<const N: usize>(
             _ => "(x, y, z)",
         })
     })?;
-    if items.len() != N {
-        return Err(value.error(format!("{} numbers, where {N} are wanted", items.len())));
-    }
-    let mut all = [0.0; N];
-    for (to, item) in all.iter_mut().zip(items) {
-        *to = item.f64_in(range.clone(), unit)?;
-    }
-    Ok(all)
+    let all = items.iter().map(|item| item.f64_in(range.clone(), unit)).collect::<Result<Vec<_>, _>>()?;
+    let wrong = |all: Vec<f64>| value.error(format!("{} numbers, where {N} are wanted", all.len()));
+    all.try_into().map_err(wrong)
 }
 
 /// Name of a variant, out of a given set: `name` or `name(...)`.
@@ -195,12 +172,18 @@ pub(super) fn variant<'v>(
     if names.contains(&name.as_str()) {
         return Ok(name);
     }
-    let span = Span { start: value.span().start, end: value.span().start + name.len() };
+    let all = one_of("", names.iter().copied());
     let help = match nearest(name, names.iter().copied()) {
-        Some(near) => format!("did you mean `{near}`? {}", one_of("", names.iter().copied())),
-        None => one_of("", names.iter().copied()),
+        Some(near) => format!("did you mean `{near}`? {all}"),
+        None => all,
     };
-    Err(Diagnostic::new(format!("unknown {what} `{name}`")).at(value.source(), span).help(help))
+    Err(error(&word(value, name), format!("unknown {what} `{name}`")).help(help))
+}
+
+/// Place of the word that a value begins with.
+pub(super) fn word(value: &Value, word: &str) -> Place {
+    let start = value.span().start;
+    Place { source: value.source().clone(), span: Span { start, end: start + word.len() } }
 }
 
 /// Fields of a variant. A bare word has none.
@@ -210,12 +193,9 @@ pub(super) fn body<'v>(value: &'v Value, name: &str) -> Result<Option<Record<'v>
 
 fn part(value: &Value) -> Result<Part, Diagnostic> {
     match value.kind() {
-        Kind::Word(kind) => Ok(Part { kind: kind.clone(), place: place(value), settings: Vec::new() }),
+        Kind::Word(kind) => Ok(Part { kind: kind.clone(), place: value.place(), settings: Vec::new() }),
         Kind::Record { name: Some(kind), fields } => {
-            let end = value.span().start + kind.len();
-            let place =
-                Place { source: value.source().clone(), span: Span { start: value.span().start, end } };
-            Ok(Part { kind: kind.clone(), place, settings: fields.clone() })
+            Ok(Part { kind: kind.clone(), place: word(value, kind), settings: fields.clone() })
         }
         _ => Err(value
             .error(format!("expected a node's kind and its parameters, found {}", value.describe()))
@@ -225,31 +205,38 @@ fn part(value: &Value) -> Result<Part, Diagnostic> {
 
 fn fields(value: &Value, kind: &str) -> Result<Part, Diagnostic> {
     let settings = value.record(kind)?.all().to_vec();
-    Ok(Part { kind: kind.to_owned(), place: place(value), settings })
+    Ok(Part { kind: kind.to_owned(), place: value.place(), settings })
 }
 
-fn device(value: Option<&Value>, here: Place) -> Result<Device, Diagnostic> {
-    let mut device = Device {
-        max_force_n: 3.3,
-        damping_ns_per_m: 0.0,
-        friction_n: 0.0,
-        position_step_mm: 0.0,
-        delay_ms: 0.0,
-        output: None,
-        place: here,
+fn device(value: Option<&Value>, here: &Place) -> Result<Device, Diagnostic> {
+    let mut record = value.map(|value| value.record("Device")).transpose()?;
+    let mut number = |name, range, unit, usual| match &mut record {
+        Some(record) => number(record, name, range, unit, Some(usual)),
+        None => Ok(usual),
     };
-    let Some(value) = value else { return Ok(device) };
-    device.place = place(value);
-    let mut record = value.record("Device")?;
-    let mut number = |name, range, unit, default| number(&mut record, name, range, unit, Some(default));
-    device.max_force_n = number("max_force_n", 0.01..=100.0, "N", device.max_force_n)?;
-    device.damping_ns_per_m = number("damping_ns_per_m", 0.0..=1000.0, "N s/m", 0.0)?;
-    device.friction_n = number("friction_n", 0.0..=10.0, "N", 0.0)?;
-    device.position_step_mm = number("position_step_mm", 0.0..=10.0, "mm", 0.0)?;
-    device.delay_ms = number("delay_ms", 0.0..=100.0, "ms", 0.0)?;
-    device.output = record.optional("output").map(part).transpose()?;
-    record.finish()?;
+    let mut device = Device {
+        max_force_n: number("max_force_n", 0.01..=100.0, "N", 3.3)?,
+        damping_ns_per_m: number("damping_ns_per_m", 0.0..=1000.0, "N s/m", 0.0)?,
+        friction_n: number("friction_n", 0.0..=10.0, "N", 0.0)?,
+        position_step_mm: number("position_step_mm", 0.0..=10.0, "mm", 0.0)?,
+        delay_ms: number("delay_ms", 0.0..=100.0, "ms", 0.0)?,
+        output: None,
+        place: value.map_or_else(|| here.clone(), Value::place),
+    };
+    if let Some(mut record) = record {
+        device.output = record.optional("output").map(part).transpose()?;
+        record.finish()?;
+    }
     Ok(device)
+}
+
+fn surfaces(list: &Value, known: &mut Known) -> Result<Vec<Touchable>, Diagnostic> {
+    let entries = list.map()?;
+    if entries.is_empty() {
+        let help = "surfaces: {\"floor\": (shape: plane, ...)}";
+        return Err(list.error("a scene of nothing to touch").help(help));
+    }
+    entries.iter().map(|(key, value)| touchable(key, value, known)).collect()
 }
 
 fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchable, Diagnostic> {
@@ -259,16 +246,13 @@ fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchab
     }
     let mut record = value.record("Surface")?;
     let surface = surface::surface(&mut record, known)?;
-    let material = record.optional("material").map(material).transpose()?;
+    let material = record.optional("material");
+    let material = material.map(|v| Ok(Placed { of: v.text()?.to_owned(), place: v.place() })).transpose()?;
     let effects = effects::effects(record.optional("effects"))?;
     record.finish()?;
-    if let (Some(texture), None) = (&effects.network, &material) {
-        return Err(error(texture, "a network texture of no material")
+    if let (Some(texture), None) = (effects.place(NETWORK), &material) {
+        return Err(error(&texture, "a network texture of no material")
             .help("material: \"NAME\" of the network's library, beside `effects`"));
     }
     Ok(Touchable { name: key.name.clone(), place, surface, material, effects })
-}
-
-fn material(value: &Value) -> Result<Placed<String>, Diagnostic> {
-    Ok(Placed { of: value.text()?.to_owned(), place: place(value) })
 }

@@ -31,7 +31,7 @@ impl Touchable {
     /// without the effect. For `network` the text is the material's name.
     pub fn settings(&self, kind: &str) -> Option<String> {
         if kind == NETWORK {
-            self.effects.network.as_ref()?;
+            self.effects.place(NETWORK)?;
             return Some(self.material.as_ref().map(|m| m.of.clone()).unwrap_or_default());
         }
         let all: Vec<String> = self.effects.of(kind).map(|named| named.value.to_string()).collect();
@@ -49,12 +49,10 @@ impl Scene {
         let mut slots = Slots::default();
         let mut known: HashMap<String, usize> = HashMap::new();
         for (number, surface) in self.surfaces.iter().enumerate() {
-            let slot = surface.settings(kind).map(|settings| {
-                *known.entry(settings).or_insert_with(|| {
-                    slots.first.push(number);
-                    slots.first.len() - 1
-                })
-            });
+            let slot = surface.settings(kind).map(|s| *known.entry(s).or_insert(slots.first.len()));
+            if slot == Some(slots.first.len()) {
+                slots.first.push(number);
+            }
             slots.of.push(slot);
         }
         slots
@@ -63,11 +61,7 @@ impl Scene {
     /// Texts of a kind's slots, with their places in the file.
     pub fn slot_texts(&self, kind: &str, slots: &Slots) -> Vec<(String, Place)> {
         let surfaces = slots.first.iter().filter_map(|first| self.surfaces.get(*first));
-        surfaces
-            .filter_map(|surface| {
-                Some((surface.settings(kind)?, surface.effects.places(kind).into_iter().next()?))
-            })
-            .collect()
+        surfaces.filter_map(|surface| Some((surface.settings(kind)?, surface.effects.place(kind)?))).collect()
     }
 
     /// Hash of all slots of the named effects, in hexadecimal digits. It tells them apart from other

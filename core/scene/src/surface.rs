@@ -1,10 +1,10 @@
 //! Reads shapes and their poses.
 
-use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Record, Value};
+use asperity_diagnostics::{Diagnostic, nearest};
 
 use super::Heights;
-use super::read::{Known, body, number, numbers, variant};
+use super::read::{Known, body, number, numbers, variant, whole};
 use crate::space::{HeightGrid, Pose, Shape, Surface, WORLD_MM};
 use asperity_surfaces::topography::{HeightField, made_surfaces};
 
@@ -39,37 +39,27 @@ fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
             _ => Err(value.error(format!("a {name} of no size")).help(usage(name))),
         };
     };
+    let thickness =
+        |record: &mut Record<'_>| number(record, "thickness_mm", 0.0..=WORLD_MM, "mm", Some(THICKNESS_MM));
     let shape = match name {
-        "plane" => Shape::plane(),
-        "sphere" => {
-            let radius_mm = number(&mut record, "radius_mm", size, "mm", None)?;
-            Shape::sphere(radius_mm).map_err(|e| at(value, e))?
-        }
-        "box" => {
-            Shape::cuboid(numbers(record.required("size_mm")?, &size, "mm")?).map_err(|e| at(value, e))?
-        }
+        "plane" => Ok(Shape::plane()),
+        "sphere" => Shape::sphere(number(&mut record, "radius_mm", size, "mm", None)?),
+        "box" => Shape::cuboid(numbers(record.required("size_mm")?, &size, "mm")?),
         "rectangle" => {
             let sides = numbers(record.required("size_mm")?, &size, "mm")?;
-            let thickness_mm = number(&mut record, "thickness_mm", size, "mm", Some(THICKNESS_MM))?;
-            Shape::rectangle(sides, thickness_mm).map_err(|e| at(value, e))?
+            Shape::rectangle(sides, thickness(&mut record)?)
         }
         _ => {
             let from = record.required("heights")?;
-            let mut picture = None;
-            let grid = known_before.grid(from, |from| {
-                let heights = Heights::parse(from)?;
-                if let Heights::Picture { file, .. } = &heights {
-                    picture = Some(file.clone());
-                }
-                grid(&heights).map_err(|e| at(from, e))
-            })?;
-            known_before.pictures.extend(picture);
+            let heights = Heights::parse(from)?;
+            let made = || grid(&heights).map_err(|e| at(from, e));
+            let grid = known_before.grid(&heights, made)?;
             let sides = record.optional("size_mm").map(|v| numbers::<2>(v, &size, "mm")).transpose()?;
             let scale = number(&mut record, "scale", -1000.0..=1000.0, "", Some(1.0))?;
-            let thickness_mm = number(&mut record, "thickness_mm", size, "mm", Some(THICKNESS_MM))?;
-            Shape::relief(grid, sides, scale, thickness_mm).map_err(|e| at(value, e))?
+            Shape::relief(grid, sides, scale, thickness(&mut record)?)
         }
     };
+    let shape = shape.map_err(|e| at(value, e))?;
     record.finish()?;
     Ok(shape)
 }
@@ -94,28 +84,27 @@ impl Heights {
         let mut record = value.record(name)?;
         let heights = if name == "made" {
             let surface = record.required("surface")?;
-            let name = surface.text()?;
+            let name = surface.text()?.to_owned();
             let all = made_surfaces();
             if all.iter().all(|made| made.name != name) {
-                let names: Vec<&str> = all.iter().map(|made| made.name.as_str()).collect();
-                let e = surface.error(format!("no made surface is called `{name}`"));
-                return Err(match asperity_diagnostics::nearest(name, names) {
-                    Some(near) => e.help(format!("did you mean `{near}`?")),
-                    None => e.help("`asperity materials` lists them"),
-                });
+                let near = nearest(&name, all.iter().map(|made| made.name.as_str()));
+                let help = near.map(|near| format!("did you mean `{near}`?"));
+                return Err(surface
+                    .error(format!("no made surface is called `{name}`"))
+                    .help(help.unwrap_or("`asperity materials` lists them".to_owned())));
             }
-            let mut whole =
-                |name, range, default| record.optional(name).map_or(Ok(default), |v| v.i64_in(range, ""));
-            let side = whole("side", 8..=2048, 512)? as usize;
-            let piece = whole("piece", 0..=i64::MAX, 1)? as u64;
-            let step_mm = number(&mut record, "step_mm", 0.005..=1.0, "mm", Some(0.04))?;
-            record.finish()?;
-            return Ok(Heights::Made { name: name.to_owned(), side, step_mm, piece });
+            Heights::Made {
+                name,
+                side: whole(&mut record, "side", 8..=2048, "", 512)? as usize,
+                step_mm: number(&mut record, "step_mm", 0.005..=1.0, "mm", Some(0.04))?,
+                piece: whole(&mut record, "piece", 0..=i64::MAX, "", 1)? as u64,
+            }
         } else {
-            let file = record.required("file")?.path()?;
-            let step_mm = number(&mut record, "step_mm", 0.001..=100.0, "mm", None)?;
-            let height_mm = number(&mut record, "height_mm", 0.0..=1000.0, "mm", None)?;
-            Heights::Picture { file, step_mm, height_mm }
+            Heights::Picture {
+                file: record.required("file")?.path()?,
+                step_mm: number(&mut record, "step_mm", 0.001..=100.0, "mm", None)?,
+                height_mm: number(&mut record, "height_mm", 0.0..=1000.0, "mm", None)?,
+            }
         };
         record.finish()?;
         Ok(heights)
@@ -129,19 +118,15 @@ impl Heights {
         match self {
             Self::Made { name, side, step_mm, piece } => {
                 let made = made_surfaces().into_iter().find(|made| made.name == *name);
-                let made =
-                    made.ok_or_else(|| Diagnostic::new(format!("no made surface is called `{name}`")))?;
-                Ok(made.patch((*side, *step_mm), *piece))
+                let unknown = || Diagnostic::new(format!("no made surface is called `{name}`"));
+                Ok(made.ok_or_else(unknown)?.patch((*side, *step_mm), *piece))
             }
             Self::Picture { file, step_mm, height_mm } => {
                 let (columns, heights) = grey(file, *height_mm)?;
                 let side = columns.min(heights.len() / columns.max(1));
                 let mut field = HeightField::flat(side, *step_mm);
-                for (to, from) in field
-                    .heights_mut()
-                    .chunks_exact_mut(side.max(1))
-                    .zip(heights.chunks_exact(columns.max(1)))
-                {
+                let rows = field.heights_mut().chunks_exact_mut(side.max(1));
+                for (to, from) in rows.zip(heights.chunks_exact(columns.max(1))) {
                     to.copy_from_slice(&from[..side]);
                 }
                 Ok(field)
@@ -165,13 +150,13 @@ fn grid(heights: &Heights) -> Result<HeightGrid, Diagnostic> {
 fn grey(file: &std::path::Path, height_mm: f64) -> Result<(usize, Vec<f32>), Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(file);
     let bytes = asperity_diagnostics::file::read(file, asperity_texture::picture::MAX_BYTES)?;
-    let mut reader = image::ImageReader::new(std::io::Cursor::new(bytes))
-        .with_guessed_format()
-        .map_err(|e| fail(format!("cannot read this picture: {e}")))?;
+    let unread = |e: &dyn std::fmt::Display| fail(format!("cannot read this picture: {e}"));
+    let reader = image::ImageReader::new(std::io::Cursor::new(bytes)).with_guessed_format();
+    let mut reader = reader.map_err(|e| unread(&e))?;
     let mut limits = image::Limits::default();
     limits.max_alloc = Some(512 << 20);
     reader.limits(limits);
-    let picture = reader.decode().map_err(|e| fail(format!("cannot read this picture: {e}")))?.into_luma16();
+    let picture = reader.decode().map_err(|e| unread(&e))?.into_luma16();
     let columns = picture.width() as usize;
     let scale = height_mm / f64::from(u16::MAX);
     let rows: Vec<Vec<f32>> =

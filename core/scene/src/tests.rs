@@ -54,7 +54,7 @@ fn scene_is_read_with_its_settings_and_defaults() {
     let friction = effects.of("friction").next().unwrap().settings(&registry()).unwrap();
     assert_eq!((friction.form(), friction.number("coefficient")), ("dahl", 0.4));
     assert_eq!(friction.number("bristle_stiffness_n_per_mm"), 1.0);
-    assert!(effects.network.is_some() && effects.of("relief").count() == 1);
+    assert!(effects.of(NETWORK).count() == 1 && effects.of("relief").count() == 1);
     assert_eq!(left.place.position().line, 3);
     let magnet = ball.effects.of("magnet").next().unwrap().settings(&registry()).unwrap();
     assert!(ball.effects.stiffness.is_none() && magnet.number("reach_mm") == 6.0);

@@ -1,11 +1,7 @@
 //! `actuator_inverse`: from the wanted acceleration to the coil's current or voltage.
 
-use crate::ports::{Doc, choice, number};
+use crate::prelude::*;
 use asperity_actuator::{Drive, Inverse, InverseModel, InverseSettings};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Ports, Prepared, Processor, RateSpec, Role,
-    Setup, ShapeSpec, State, Status, Tick, Unit, UnitSpec,
-};
 
 /// Regularised feed-forward inverse of a voice coil on a handle.
 pub struct ActuatorInverse {
@@ -22,24 +18,21 @@ impl Node for ActuatorInverse {
             "Feed-forward inverse of a voice coil on a handle: acceleration to current or voltage.",
         )
         .role(Role::ActuatorInverse)
-        .input(
-            Input::new("acceleration", ShapeSpec::Audio(RateSpec::Of('r')), Unit::METRE_PER_SECOND_SQUARED)
-                .doc("what the handle is to do"),
-        )
-        .output(
-            Output::new("drive", ShapeSpec::Audio(RateSpec::Of('r')), Unit::AMPERE)
-                .doc("coil current, or voltage"),
-        )
+        .input(Input::new(
+            "acceleration",
+            ShapeSpec::Audio(RateSpec::Of('r')),
+            Unit::METRE_PER_SECOND_SQUARED,
+        ))
+        .doc("what the handle is to do")
+        .output(Output::new("drive", ShapeSpec::Audio(RateSpec::Of('r')), Unit::AMPERE))
+        .doc("coil current, or voltage")
         .param(profile)
         .param(handle)
         .param(choice("drive", &["current", "voltage"]).doc("What the amplifier puts out."))
-        .param(
-            number("corner_hz", s.corner_hz, 5.0..=60.0, "Hz")
-                .doc("Corner of the high-pass that inverse and actuator make."),
-        )
-        .param(
-            number("corner_damping", s.corner_damping, 0.3..=2.0, "").doc("Damping ratio of that high-pass."),
-        )
+        .param(number("corner_hz", s.corner_hz, 5.0..=60.0, "Hz"))
+        .doc("Corner of the high-pass that inverse and actuator make.")
+        .param(number("corner_damping", s.corner_damping, 0.3..=2.0, ""))
+        .doc("Damping ratio of that high-pass.")
         .param(choice("model", &["full", "no_inductance", "no_emf", "mass"]).doc(
             "What of the actuator is inverted. `full`: all. `no_inductance`: a voltage's coil without L. \
              `no_emf`: the coil as its resistance alone. `mass`: a constant, right above resonance, with no \

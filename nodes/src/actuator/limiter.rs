@@ -1,11 +1,7 @@
 //! `limiter`: the limits that no input to the coil may exceed.
 
-use crate::ports::{Doc, audio_out, number};
+use crate::prelude::*;
 use asperity_actuator::{self, Drive, LimiterSettings};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Prepared, Processor, RateSpec, Resume, Role, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
-};
 
 /// The last stage before a device: finite, peak, slew, coil heat, stroke, DC. It cannot be left out.
 ///
@@ -23,7 +19,6 @@ const RELEASE_MS: usize = 4;
 
 impl Node for Limiter {
     fn descriptor() -> Descriptor {
-        const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
         let [profile, handle] = super::profile_params();
         let s = LimiterSettings::default();
         Descriptor::new(
@@ -31,26 +26,16 @@ impl Node for Limiter {
             "Holds current or voltage to what the actuator stands: finite, peak, slew, heat, stroke, DC.",
         )
         .role(Role::Limiter)
-        .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE)
-                .unit_among('u', DRIVES)
-                .doc("what is asked of the coil"),
-        )
+        .input(drive(RateSpec::Of('r')).doc("what is asked of the coil"))
         .output(audio_out("out").limited().doc("what the coil gets"))
         .param(profile)
         .param(handle)
-        .param(
-            number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Hz").live().doc("Corner of the DC removal."),
-        )
-        .param(
-            number("slew_hz", s.slew_hz, 500.0..=20_000.0, "Hz")
-                .doc("A sine at the peak is not held back up to here."),
-        )
-        .param(
-            number("release_ms", s.release_s * 1e3, 10.0..=5000.0, "ms")
-                .live()
-                .doc("How fast the gain comes back after limiting."),
-        )
+        .param(number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Hz").live())
+        .doc("Corner of the DC removal.")
+        .param(number("slew_hz", s.slew_hz, 500.0..=20_000.0, "Hz"))
+        .doc("A sine at the peak is not held back up to here.")
+        .param(number("release_ms", s.release_s * 1e3, 10.0..=5000.0, "ms").live())
+        .doc("How fast the gain comes back after limiting.")
         .resumes(Resume::Never)
     }
 

@@ -8,10 +8,9 @@ pub use limiter::Limiter;
 
 use std::path::{Path, PathBuf};
 
-use crate::ports::{Doc, number, text};
+use crate::prelude::*;
 use asperity_actuator::{ActuatorProfile, Dynamics};
 use asperity_diagnostics::Place;
-use asperity_node::{Diagnostic, Param, Setup};
 
 fn profile_params() -> [Param; 2] {
     [
@@ -40,17 +39,13 @@ fn dynamics(setup: &Setup<'_>) -> Result<Dynamics, Diagnostic> {
         if e.path().is_some() {
             return e;
         }
-        let placed = p.error("profile", e.message);
-        match e.help {
-            Some(help) => placed.help(help),
-            None => {
-                // A path on the command line has the option for its source.
-                let typed = |p: &Place| p.source.path().to_string_lossy().starts_with("--");
-                let typed = p.place("profile").is_some_and(typed);
-                let base = if typed { "where the program runs" } else { "the graph file" };
-                placed.help(format!("paths are relative to {base}"))
-            }
-        }
+        // A path on the command line has the option for its source.
+        let typed = |p: &Place| p.source.path().to_string_lossy().starts_with("--");
+        let typed = p.place("profile").is_some_and(typed);
+        let base = if typed { "where the program runs" } else { "the graph file" };
+        let helpless = e.help.is_none();
+        let placed = error_at(p, "profile", e);
+        if helpless { placed.help(format!("paths are relative to {base}")) } else { placed }
     })?;
     Dynamics::new(&profile, setup.params.number("handle_mass_g"))
         .map_err(|e| setup.params.error("handle_mass_g", e.to_string()))

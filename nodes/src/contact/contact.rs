@@ -1,11 +1,9 @@
 //! `contact`: the surface of a scene that a stylus touches.
 
-use crate::ports::{Doc, MM, MM_S, N, ONE, control, file, number, text, texts};
+use std::collections::HashSet;
+
+use crate::prelude::*;
 use crate::since::Since;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Input, Node, Output, Ports, Prepared, Processor, Resume, Role,
-    Setup, ShapeSpec, State, Status, Tick, Unit,
-};
 use asperity_scene::{ContactSettings, ContactState, Contacts, EffectNames, Motion, Scene};
 
 /// Finds which surface of a scene a stylus touches, and tells the nodes of the effects what to do.
@@ -136,11 +134,8 @@ impl Node for Contact {
         .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
         .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
         .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))
-        .input(
-            control("stroke", 1, ONE)
-                .or(0.0)
-                .doc("another number: the stylus was put down elsewhere, and came there on no way"),
-        );
+        .input(control("stroke", 1, ONE).or(0.0))
+        .doc("another number: the stylus was put down elsewhere, and came there on no way");
         PORTS
             .iter()
             .fold(it, |it, Port(name, count, unit, doc, _)| {
@@ -159,14 +154,10 @@ impl Node for Contact {
                  the graph is refused; left out, anything goes.",
             ))
             .param(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("The most a surface pushes."))
-            .param(
-                number("crossfade_ms", 20.0, 0.1..=1000.0, "ms")
-                    .doc("How long textures of one surface take to go over into another's."),
-            )
-            .param(
-                number("hold_ms", 20.0, 0.0..=10_000.0, "ms")
-                    .doc("How long a surface's textures stay in the air, for a gate to fade them out."),
-            )
+            .param(number("crossfade_ms", 20.0, 0.1..=1000.0, "ms"))
+            .doc("How long textures of one surface take to go over into another's.")
+            .param(number("hold_ms", 20.0, 0.0..=10_000.0, "ms"))
+            .doc("How long a surface's textures stay in the air, for a gate to fade them out.")
             .param(number("anticipate_mm", 0.0, 0.0..=100.0, "mm").doc(
                 "From how far the plane of a surface is told of that is not yet touched, for a device with a \
                  loop of its own.",
@@ -181,12 +172,13 @@ impl Node for Contact {
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {
         ports.outputs.extend(of_effects(&names(config)));
-        for (i, output) in ports.outputs.iter().enumerate() {
-            if ports.outputs.iter().take(i).any(|before| before.name == output.name) {
-                return Err(config.params.node_error(format!("two outputs are called `{}`", output.name)));
+        let mut known = HashSet::new();
+        match ports.outputs.iter().find(|output| !known.insert(output.name.clone())) {
+            Some(Output { name, .. }) => {
+                Err(config.params.node_error(format!("two outputs are called `{name}`")))
             }
+            None => Ok(ports),
         }
-        Ok(ports)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -209,8 +201,9 @@ impl Node for Contact {
             anticipate_mm: p.number("anticipate_mm"),
             put_down_mm_s: p.number("put_down_mm_s"),
         };
+        let runs_hz = f64::from(setup.tick_hz) / f64::from(setup.every);
         let it = Self {
-            contacts: Contacts::new(&scene, &names, settings, runs_hz(setup))?,
+            contacts: Contacts::new(&scene, &names, settings, runs_hz)?,
             surfaces: scene.surfaces.len(),
             since: Since::new(setup.every),
         };
@@ -276,8 +269,4 @@ impl Processor for Contact {
             Fact::number("index", self.contacts.bytes() as f64 / 1024.0, "KiB"),
         ]
     }
-}
-
-fn runs_hz(config: &Config<'_>) -> f64 {
-    f64::from(config.tick_hz) / f64::from(config.every)
 }

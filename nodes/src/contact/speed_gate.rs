@@ -1,7 +1,6 @@
 //! `speed_gate`: no texture without motion on a surface.
 
-use crate::ports::{Doc, MM_S, N, ONE, audio, audio_out, control, control_out, number};
-use asperity_node::{Descriptor, Diagnostic, Latency, Node, Prepared, Processor, Setup, State, Status, Tick};
+use crate::prelude::*;
 
 /// The live parameters.
 const LIVE: [&str; 3] = ["speed_mm_s", "force_n", "hysteresis"];
@@ -35,24 +34,15 @@ impl Node for SpeedGate {
         )
         .input(audio("in").doc("what is gated"))
         .input(control("speed", 1, MM_S).doc("speed along the surface"))
-        .input(
-            control("force", 1, N)
-                .or(1e3)
-                .doc("normal force; unconnected, the stylus counts as on the surface"),
-        )
+        .input(control("force", 1, N).or(1e3))
+        .doc("normal force; unconnected, the stylus counts as on the surface")
         .output(audio_out("out").doc("what gets through"))
         .output(control_out("active", 1, ONE).doc("1 while open or fading, else 0"))
         .param(number("speed_mm_s", 5.0, 0.0..=1000.0, "mm/s").live().doc("The gate opens at this speed."))
-        .param(
-            number("force_n", 0.02, 0.0..=100.0, "N")
-                .live()
-                .doc("The stylus is on the surface from this force on."),
-        )
-        .param(
-            number("hysteresis", 0.4, 0.0..=1.0, "")
-                .live()
-                .doc("The gate closes at this part of speed and force."),
-        )
+        .param(number("force_n", 0.02, 0.0..=100.0, "N").live())
+        .doc("The stylus is on the surface from this force on.")
+        .param(number("hysteresis", 0.4, 0.0..=1.0, "").live())
+        .doc("The gate closes at this part of speed and force.")
         .param(number("fade_ms", 10.0, 0.1..=1000.0, "ms").doc("How long it takes to open or close."))
         .gates("in")
         .timing("opens and closes over `fade_ms`")

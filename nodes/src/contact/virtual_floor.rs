@@ -1,7 +1,6 @@
 //! `virtual_floor`: Hooke's law against a plane.
 
-use crate::ports::{Doc, MM, N, ONE, control, control_out, number};
-use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Setup, Status, Tick, Unit};
+use crate::prelude::*;
 
 /// A horizontal plane that pushes back in proportion to how deep the stylus is in it.
 ///
@@ -21,15 +20,12 @@ impl Node for VirtualFloor {
         .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
         .output(control_out("force", 1, N).doc("normal force, upwards, 0 off it"))
         .output(control_out("depth", 1, MM).doc("penetration, 0 off it"))
-        .output(
-            control_out("plane", 3, MM).doc("a point of the plane, for a device that pushes back by itself"),
-        )
+        .output(control_out("plane", 3, MM))
+        .doc("a point of the plane, for a device that pushes back by itself")
         .output(control_out("normal", 3, ONE).doc("the plane's outward normal"))
         .output(control_out("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE).doc("stiffness of the plane"))
-        .output(
-            control_out("damping", 1, Unit::NEWTON_SECOND_PER_METRE)
-                .doc("damping of the plane along its normal"),
-        )
+        .output(control_out("damping", 1, Unit::NEWTON_SECOND_PER_METRE))
+        .doc("damping of the plane along its normal")
         .param(number("stiffness_n_per_mm", 0.5, 0.0..=100.0, "N/mm").live().doc("Stiffness of the plane."))
         .param(number("max_force_n", 3.3, 0.0..=100.0, "N").live().doc("The most the device can push."))
         .param(number("height_mm", 0.0, -1000.0..=1000.0, "mm").live().doc("Height of the plane."))
@@ -56,8 +52,6 @@ impl Processor for VirtualFloor {
         tick.outputs.set(5, damping);
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 
     fn set_parameter(&mut self, index: usize, value: f64) {
         self.0.get_mut(index).into_iter().for_each(|parameter| *parameter = value);

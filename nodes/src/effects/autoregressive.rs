@@ -1,15 +1,11 @@
 //! `autoregressive`: textures of autoregressive models.
 
-use crate::ports::{Doc, MM_S, N, control, file, texts};
+use crate::prelude::*;
 use asperity_autoregressive::{self, Synthesis};
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Resume, Settings,
-    Setup, State, Status, Tick, random, time,
-};
 
 use super::voices::{Voice, Voices};
-use super::{Made, acceleration, each, files, gain, shared, slot};
+use super::{Made, Renders, acceleration, each, files, gain, shared, slot};
 
 const SLOT: usize = 0;
 const SPEED: usize = 1;
@@ -123,14 +119,9 @@ impl Node for Autoregressive {
         .input(control("speed", 1, MM_S).doc("along the surface; at 0 what sounds dies away"))
         .input(control("force", 1, N).doc("normal force; at 0 what sounds dies away"))
         .output(acceleration().doc("the vibration of gliding"))
-        .param(texts("models").doc(
-            "Textures, each a text as behind `texture` in a scene, with a RON file or the Penn toolkit's \
-             XML; or a list of them, `[autoregressive(..), autoregressive(..)]`, whose sum is one entry. \
-             Quotes within a text are written r#\"..\"#.",
-        ))
         .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
         .resumes(Resume::Restart)
-        .effect(
+        .renders(
             Effect::new("models", Acts::Gliding)
                 .form(
                     Form::new("", "autoregressive(model: \"FILE.ron\")")

@@ -1,9 +1,6 @@
 //! `force_limiter`: the limits of any force on a device that pushes back.
 
-use crate::ports::{Doc, N, control, control_out, number};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 /// The live parameters.
 const LIVE: [&str; 2] = ["max_force_n", "slew_n_per_s"];
@@ -23,15 +20,8 @@ pub struct ForceLimiter {
     trust: Option<u32>,
     /// The force of the last run.
     last: [f64; 3],
-    counts: Counts,
-}
-
-/// Runs in which something was held.
-#[derive(Clone, Copy, Debug, Default)]
-struct Counts {
-    force: u64,
-    slew: u64,
-    trust: u64,
+    /// Runs in which the force, its change or its trust was held.
+    held: [u64; 3],
 }
 
 /// Shortens a vector to at most `most`. Also returns whether it was longer.
@@ -61,11 +51,8 @@ impl Node for ForceLimiter {
         .input(control("force", 3, N).doc("what the effects add up to, x, y, z"))
         .output(control_out("force", 3, N).limited().doc("what the device gets, in the same direction"))
         .param(number("max_force_n", 3.3, 0.0..=100.0, "N").live().doc("The greatest length of the force."))
-        .param(
-            number("slew_n_per_s", 0.0, 0.0..=1e4, "N/s")
-                .live()
-                .doc("The greatest change of the force; 0 for any."),
-        )
+        .param(number("slew_n_per_s", 0.0, 0.0..=1e4, "N/s").live())
+        .doc("The greatest change of the force; 0 for any.")
         .timing("no latency; a force that is no longer to be trusted is gone after 20 ms")
         .resumes(Resume::Never)
     }
@@ -78,7 +65,7 @@ impl Node for ForceLimiter {
             fade: (FADE_S * runs_hz).max(1.0) as u32,
             trust: None,
             last: [0.0; 3],
-            counts: Counts::default(),
+            held: [0; 3],
         }))
     }
 }
@@ -93,17 +80,17 @@ impl Processor for ForceLimiter {
         self.trust = Some(trust);
         if trusted {
             let (wanted, longer) = held(wanted, max_force_n);
-            self.counts.force += u64::from(longer);
+            self.held[0] += u64::from(longer);
             let wanted = if trust < self.fade { scaled(wanted, trust, self.fade) } else { wanted };
             let change = std::array::from_fn(|i| wanted[i] - self.last[i]);
             let most = if slew_n_per_s > 0.0 { slew_n_per_s * self.dt_s } else { f64::INFINITY };
             let (change, faster) = held(change, most);
-            self.counts.slew += u64::from(faster);
+            self.held[1] += u64::from(faster);
             self.last = if faster { std::array::from_fn(|i| self.last[i] + change[i]) } else { wanted };
             // A largest force that was lowered counts before a change that is too large.
             self.last = held(self.last, max_force_n).0;
         } else {
-            self.counts.trust += 1;
+            self.held[2] += 1;
             self.last = scaled(self.last, trust, before);
         }
         tick.outputs.control(0).iter_mut().zip(self.last).for_each(|(out, f)| *out = f);
@@ -121,20 +108,11 @@ impl Processor for ForceLimiter {
     /// The force, and how far it is faded.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.trust).keep(&mut self.last);
-        if state.restores() {
-            let sound = self.trust.is_none_or(|t| t <= self.fade) && self.last.iter().all(|f| f.abs() <= 1e3);
-            if !sound {
-                self.reset();
-                state.refuse();
-            }
-        }
+        state.require(self.trust.is_none_or(|t| t <= self.fade) && self.last.iter().all(|f| f.abs() <= 1e3));
     }
 
     fn facts(&mut self) -> Vec<Fact> {
-        vec![
-            Fact::count("limited_force", self.counts.force),
-            Fact::count("limited_slew", self.counts.slew),
-            Fact::count("limited_trust", self.counts.trust),
-        ]
+        let names = ["limited_force", "limited_slew", "limited_trust"];
+        names.into_iter().zip(self.held).map(|(name, count)| Fact::count(name, count)).collect()
     }
 }

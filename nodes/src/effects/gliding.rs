@@ -1,82 +1,47 @@
 //! Textures that are read along the path of the stylus: `waveform` and `relief`.
 
-use asperity_node::{
-    Descriptor, Diagnostic, Effect, Fact, Input, Prepared, Processor, Resume, Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 use super::mix::Mix;
 use super::path::{Parts, Path};
 use super::track::Track;
 use super::voices::{Voice, Voices};
-use super::{acceleration, files, slot};
-use crate::ports::{Doc, MM, ONE, control, number, texts};
+use super::{Renders, acceleration, files, slot};
 
 const SLOT: usize = 0;
 const PLACE: usize = 1;
 const STROKE: usize = 2;
 
 /// A kernel that makes samples along a path.
-pub(super) trait Kernel: Clone + Send + 'static {
+pub(super) trait Kernel: Voice + Send + 'static {
     /// Forgets where the stylus was: it was put down elsewhere.
     fn lift(&mut self) {}
-    /// Writes the samples of a tick.
+    /// Writes the samples of a tick in m/s^2, along the path that was [advanced](Path::advance) to it.
     fn process(&mut self, path: &Path, parts: &Parts, out: &mut [f64]);
-    fn reset(&mut self);
-    fn state(&mut self, state: &mut State<'_>);
-}
-
-/// A kernel with the factor of its samples.
-#[derive(Clone)]
-pub(super) struct Gained<K> {
-    pub(super) kernel: K,
-    pub(super) gain: f64,
-}
-
-impl<K: Kernel> Voice for Gained<K> {
-    fn reset(&mut self) {
-        self.kernel.reset();
-    }
-
-    fn state(&mut self, state: &mut State<'_>) {
-        self.kernel.state(state);
-    }
 }
 
 /// A texture. The path between ticks goes through the middles of positions, along parabolas.
 struct Gliding<K> {
-    voices: Voices<Gained<K>>,
+    voices: Voices<K>,
     track: Track,
     mix: Mix,
     rate_hz: u32,
-    lag_s: f64,
     /// Number of things that slots share, and its name.
     shared: (&'static str, u64),
 }
 
-/// The position of the stylus along the surface, and the number of its stroke.
-fn place() -> [Input; 2] {
-    [
-        control("place", 2, MM).doc("of the stylus along the surface"),
-        control("stroke", 1, ONE)
-            .or(0.0)
-            .doc("another number: the stylus was put down elsewhere, and what lies between is no motion"),
-    ]
-}
-
-/// Descriptor of a texture whose settings stand in the parameter `list`.
+/// Descriptor of a texture.
 pub(super) fn descriptor(
     (kind, summary): (&'static str, &'static str),
     slot_doc: &'static str,
-    (list, list_doc): (&'static str, &'static str),
     effect: Effect,
 ) -> Descriptor {
-    let [place, stroke] = place();
     Descriptor::new(kind, summary)
         .input(slot(slot_doc))
-        .input(place)
-        .input(stroke)
+        .input(control("place", 2, MM).doc("of the stylus along the surface"))
+        .input(control("stroke", 1, ONE).or(0.0))
+        .doc("another number: the stylus was put down elsewhere, and what lies between is no motion")
         .output(acceleration().doc("the vibration of gliding"))
-        .param(texts(list).doc(list_doc))
         .param(number("smooth_hz", 0.0, 0.0..=1000.0, "Hz").doc(
             "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in \
              coarse steps; 0 for none.",
@@ -86,25 +51,19 @@ pub(super) fn descriptor(
              yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
         )
         .resumes(Resume::Restart)
-        .effect(effect.needs("place", "place").needs("stroke", "stroke"))
+        .renders(effect.needs("place", "place").needs("stroke", "stroke"))
 }
 
 /// Prepares a texture of kernels for every slot.
 pub(super) fn prepare<K: Kernel>(
     setup: &Setup<'_>,
-    slots: Vec<Vec<Gained<K>>>,
+    slots: Vec<Vec<K>>,
     shared: (&'static str, u64),
 ) -> Result<Prepared, Diagnostic> {
     let track = Track::new(setup, setup.params.number("smooth_hz"))?;
     let latency = track.latency(setup);
-    let it = Gliding {
-        voices: Voices::new(slots),
-        lag_s: track.lag_s(),
-        track,
-        mix: Mix::new(setup),
-        rate_hz: setup.audio_hz,
-        shared,
-    };
+    let (voices, mix) = (Voices::new(slots), Mix::new(setup));
+    let it = Gliding { voices, track, mix, rate_hz: setup.audio_hz, shared };
     Ok(Prepared::new(it).latency(latency).files(files(setup)))
 }
 
@@ -116,13 +75,13 @@ impl<K: Kernel> Processor for Gliding<K> {
         let voices = self.voices.on();
         let Some(path) = path.filter(|_| !voices.is_empty()) else { return Status::Quiet };
         if self.track.begins() {
-            voices.iter_mut().for_each(|voice| voice.kernel.lift());
+            voices.iter_mut().for_each(Kernel::lift);
         }
         let span = tick.samples(self.rate_hz);
         let parts = Parts::new(tick.index, span.start, self.rate_hz, tick.tick_hz);
         self.mix.begin((span.end - span.start) as usize);
-        for Gained { kernel, gain } in voices {
-            self.mix.add(*gain, |part| kernel.process(&path, &parts, part));
+        for kernel in voices {
+            self.mix.add(|| 1.0, |part| kernel.process(&path, &parts, part));
         }
         if turned || self.track.begins() {
             self.mix.fade_in(&parts);
@@ -145,8 +104,9 @@ impl<K: Kernel> Processor for Gliding<K> {
     fn facts(&mut self) -> Vec<Fact> {
         let (name, count) = self.shared;
         let mut facts = vec![Fact::count("slots", self.voices.count() as u64), Fact::count(name, count)];
-        if self.lag_s > 0.0 {
-            facts.push(Fact::number("response_lag", 1e3 * self.lag_s, "ms"));
+        let lag_s = self.track.lag_s();
+        if lag_s > 0.0 {
+            facts.push(Fact::number("response_lag", 1e3 * lag_s, "ms"));
         }
         facts
     }

@@ -1,9 +1,8 @@
 //! `level`: a gate that follows a level.
 
 use super::path::Parts;
-use crate::ports::{ONE, audio, audio_out, control};
+use crate::prelude::*;
 use asperity_dsp::filter::Sample;
-use asperity_node::{Descriptor, Diagnostic, Inputs, Node, Prepared, Processor, Setup, State, Status, Tick};
 
 const IN: usize = 0;
 const LEVEL: usize = 1;
@@ -39,16 +38,10 @@ impl Node for Level {
             "Lets audio through at a level, and lets what makes it sleep while that is 0.",
         )
         .input(audio("in").doc("what is let through"))
-        .input(
-            control("level", 1, ONE)
-                .or(1.0)
-                .doc("the level, held to 0 and 1; it is reached in a straight line by the end of the tick"),
-        )
-        .input(
-            control("slot", 1, ONE)
-                .or(0.0)
-                .doc("below 0 nothing is let through, and the next level begins at 0"),
-        )
+        .input(control("level", 1, ONE).or(1.0))
+        .doc("the level, held to 0 and 1; it is reached in a straight line by the end of the tick")
+        .input(control("slot", 1, ONE).or(0.0))
+        .doc("below 0 nothing is let through, and the next level begins at 0")
         .output(audio_out("out").doc("what gets through"))
         .gates("in")
         .timing("no latency: a level is reached at the end of its tick")
@@ -92,9 +85,6 @@ impl Processor for Level {
     /// The last level.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.last);
-        if state.restores() && !self.last.is_none_or(|level| (0.0..=1.0).contains(&level)) {
-            self.last = None;
-            state.refuse();
-        }
+        state.require(self.last.is_none_or(|level| (0.0..=1.0).contains(&level)));
     }
 }

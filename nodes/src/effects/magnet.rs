@@ -1,12 +1,8 @@
 //! `magnet`: a surface that snaps.
 
-use crate::ports::{Doc, MM, ONE, control, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
-    Setup, Status, Tick,
-};
+use crate::prelude::*;
 
-use super::{let_go, one_each, pick, put, slot, vector};
+use super::{Force, Renders, one_each, slot, vector};
 
 /// Snaps a stylus to a surface: a force toward it within a reach. The force depends on the distance alone, so
 /// no closed path gains or loses energy.
@@ -74,44 +70,26 @@ fn read(settings: &Settings) -> Pull {
 }
 
 /// A force toward a surface from both of its sides, of the distance alone.
-pub struct Magnet {
-    magnets: Vec<Pull>,
-}
+pub struct Magnet;
 
 impl Node for Magnet {
     fn descriptor() -> Descriptor {
         Descriptor::new("magnet", "Pulls the stylus to a surface, from both sides, within a reach.")
             .input(slot("which of `magnets`, from 0; below 0 none pulls").wakes())
             .input(control("distance", 1, MM).doc("from the surface, above 0 outside"))
-            .input(
-                control("normal", 3, ONE)
-                    .or(0.0)
-                    .doc("the surface's outward normal, of length 1; unconnected, z"),
-            )
+            .input(control("normal", 3, ONE).or(0.0))
+            .doc("the surface's outward normal, of length 1; unconnected, z")
             .output(super::force("force on the stylus, x, y, z"))
-            .param(texts("magnets").doc(
-                "Magnets, each a text as behind `magnet` in a scene: [\"(stiffness_n_per_mm: 0.2, \
-                 max_force_n: 0.5, reach_mm: 4)\"].",
-            ))
-            .effect(
+            .renders(
                 Effect::new("magnets", Acts::Near)
                     .form(
                         Form::new("", "(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)")
-                            .field(
-                                number("stiffness_n_per_mm", 0.0, 0.0..=100.0, "N/mm")
-                                    .required()
-                                    .doc("at the surface"),
-                            )
-                            .field(
-                                number("max_force_n", 0.0, 0.0..=1000.0, "N")
-                                    .required()
-                                    .doc("the largest force"),
-                            )
-                            .field(
-                                number("reach_mm", 1.0, 1e-3..=1000.0, "mm")
-                                    .required()
-                                    .doc("how far it pulls"),
-                            ),
+                            .field(number("stiffness_n_per_mm", 0.0, 0.0..=100.0, "N/mm").required())
+                            .doc("at the surface")
+                            .field(number("max_force_n", 0.0, 0.0..=1000.0, "N").required())
+                            .doc("the largest force")
+                            .field(number("reach_mm", 1.0, 1e-3..=1000.0, "mm").required())
+                            .doc("how far it pulls"),
                     )
                     .needs("distance", "distance")
                     .needs("normal", "normal")
@@ -121,26 +99,14 @@ impl Node for Magnet {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let magnets = one_each(setup, |settings| Ok(read(settings)))?;
-        Ok(Prepared::new(Self { magnets }))
-    }
-}
-
-impl Processor for Magnet {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let magnet = pick(tick.inputs.value(0), self.magnets.len()).and_then(|slot| self.magnets.get(slot));
-        let Some(magnet) = magnet else { return let_go(tick) };
+        let slots = one_each(setup, |settings| Ok(read(settings)))?;
         // Along the outward normal: below 0 outside.
-        let force = magnet.force_n(tick.inputs.value(1));
-        let normal = if tick.inputs.connected(2) { vector(&tick.inputs, 2) } else { [0.0, 0.0, 1.0] };
-        put(tick, normal.map(|n| force * n));
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-
-    fn facts(&mut self) -> Vec<Fact> {
-        vec![Fact::count("slots", self.magnets.len() as u64)]
+        let force = |pull: &Pull, inputs: &Inputs<'_>| {
+            let normal = if inputs.connected(2) { vector(inputs, 2) } else { [0.0, 0.0, 1.0] };
+            let force = pull.force_n(inputs.value(1));
+            normal.map(|n| force * n)
+        };
+        Ok(Prepared::new(Force { slots, force }))
     }
 }
 
@@ -182,29 +148,6 @@ mod tests {
                 prop_assert!((w[1] - w[0]).abs() <= curve * step * 1.01 + 1e-6 * stiffness);
             }
         }
-    }
-
-    #[test]
-    fn no_energy_is_gained_on_a_closed_way_around_a_sphere() {
-        let (m, radius) = (Pull::new(0.8, 1.5, 6.0), 20.0);
-        let place = |t: f64| {
-            let (a, b) = ((3.0 * t).sin() + t, 2.0 * t + (5.0 * t).cos());
-            let r = 20.0 + 7.0 * (2.0 * t).sin() + 1.5 * (7.0 * t).cos();
-            [r * a.cos() * b.sin(), r * a.sin() * b.sin(), r * b.cos()]
-        };
-        let n = 400_000;
-        let (mut work, mut turned) = (0.0, 0.0);
-        let above = |p| crate::effects::bounds::length(p) - radius;
-        for i in 0..n {
-            let [here, there] =
-                [i, i + 1].map(|i| place(std::f64::consts::TAU * f64::from(i) / f64::from(n)));
-            let middle: [f64; 3] = std::array::from_fn(|k| 0.5 * (here[k] + there[k]));
-            let force = m.force_n(above(middle));
-            let away = radius + above(middle);
-            let part: f64 = (0..3).map(|k| force * middle[k] / away * (there[k] - here[k])).sum();
-            (work, turned) = (work + part, turned + part.abs());
-        }
-        assert!(turned > 10.0 && work.abs() < 1e-6 * turned, "{work} mJ of {turned}");
     }
 
     #[test]

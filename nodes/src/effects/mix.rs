@@ -1,8 +1,8 @@
 //! Sums of kernels over a tick.
 
 use super::path::Parts;
+use crate::prelude::*;
 use asperity_dsp::filter::Sample;
-use asperity_node::{Setup, time};
 
 /// Buffer for the samples of a tick, in which parts are added up.
 pub(super) struct Mix {
@@ -24,15 +24,8 @@ impl Mix {
         self.sum[..self.len].fill(0.0);
     }
 
-    /// Adds the samples that `fill` writes, times a gain.
-    pub(super) fn add(&mut self, gain: f64, fill: impl FnOnce(&mut [f64])) {
-        let part = &mut self.part[..self.len];
-        fill(part);
-        self.sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += gain * *x);
-    }
-
     /// Adds the samples that `fill` writes, each times the next value of `gain`.
-    pub(super) fn add_each(&mut self, mut gain: impl FnMut() -> f64, fill: impl FnOnce(&mut [f64])) {
+    pub(super) fn add(&mut self, mut gain: impl FnMut() -> f64, fill: impl FnOnce(&mut [f64])) {
         let part = &mut self.part[..self.len];
         fill(part);
         self.sum.iter_mut().zip(part).for_each(|(sum, x)| *sum += gain() * *x);

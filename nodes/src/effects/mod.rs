@@ -39,14 +39,13 @@ pub use vibration::Vibration;
 pub use viscosity::Viscosity;
 pub use waveform::Waveform;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::ports::{Doc, N, ONE, control, control_out, number};
-use asperity_node::{
-    Diagnostic, Input, Inputs, Output, Param, RateSpec, Settings, Setup, ShapeSpec, Status, Tick, Unit,
-};
+use crate::prelude::*;
+use asperity_data::wav::Wav;
+use asperity_diagnostics::ron::Value;
 
 /// Audio rate at which settings of a scene are tried. The node tries them again at its own.
 const TRIED_HZ: u32 = 48_000;
@@ -60,6 +59,23 @@ fn pick(slot: f64, count: usize) -> Option<usize> {
 /// The input that picks; unconnected, the first.
 fn slot(doc: &'static str) -> Input {
     control("slot", 1, ONE).or(0.0).doc(doc)
+}
+
+/// Declares an effect, and the list of its slots.
+trait Renders {
+    fn renders(self, effect: Effect) -> Self;
+}
+
+impl Renders for Descriptor {
+    fn renders(self, effect: Effect) -> Self {
+        let texture = effect.acts == Acts::Gliding;
+        let key = if texture { "texture" } else { self.kind.as_ref() };
+        let example = effect.forms.first().map_or("", |form| form.example.as_ref());
+        let sum = if texture { " A list of textures is one slot, and sounds as their sum." } else { "" };
+        let doc = format!("A text for each slot, as behind `{key}` in a scene: r#\"{example}\"#.{sum}");
+        let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
+        self.param(list).effect(effect)
+    }
 }
 
 /// The output for a vibration.
@@ -90,6 +106,26 @@ fn put(tick: &mut Tick<'_>, force: [f64; 3]) {
 fn let_go(tick: &mut Tick<'_>) -> Status {
     put(tick, [0.0; 3]);
     Status::Asleep
+}
+
+/// A node whose force follows from the settings of its slot and its inputs alone.
+struct Force<S> {
+    slots: Vec<S>,
+    force: fn(&S, &Inputs<'_>) -> [f64; 3],
+}
+
+impl<S: Send> Processor for Force<S> {
+    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        let slot = pick(tick.inputs.value(0), self.slots.len()).and_then(|slot| self.slots.get(slot));
+        let Some(slot) = slot else { return let_go(tick) };
+        let force = (self.force)(slot, &tick.inputs);
+        put(tick, force);
+        Status::Continue
+    }
+
+    fn facts(&mut self) -> Vec<Fact> {
+        vec![Fact::count("slots", self.slots.len() as u64)]
+    }
 }
 
 /// Things that take time or memory to make, by what they are made of.
@@ -132,18 +168,70 @@ fn one_each<T>(
 
 /// The files that the settings of all slots name, each once.
 fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
-    let mut files: Vec<PathBuf> = Vec::new();
-    for file in setup.params.slots().iter().flatten().flat_map(Settings::files) {
-        if !files.contains(&file) {
-            files.push(file);
+    let mut known = HashSet::new();
+    let files = setup.params.slots().iter().flatten().flat_map(Settings::files);
+    files.filter(|file| known.insert(file.clone())).collect()
+}
+
+/// Most samples of a recording: a minute and a half at 48 kHz.
+const MAX_RECORDED: u32 = 1 << 22;
+
+/// A recording that settings name. Its file is not read yet.
+struct Recorded {
+    file: PathBuf,
+    speed_mm_s: f64,
+    /// Acceleration of full scale, times a gain.
+    scale_m_s2: f64,
+}
+
+impl Recorded {
+    /// Rate and accelerations, of several channels the first.
+    fn read(&self) -> Result<(f64, Vec<f64>), Diagnostic> {
+        let wav = Wav::read(&self.file, MAX_RECORDED)?;
+        Ok((f64::from(wav.rate_hz), wav.channel(0).map(|x| self.scale_m_s2 * x).collect()))
+    }
+}
+
+/// Source of samples: a list that stands in the settings, or a recording.
+enum Samples<'s> {
+    Listed(&'s [Value]),
+    Recorded(Recorded),
+}
+
+/// Reads either the field `list` or the field `recording` of `what`. A recording is of a speed up to
+/// `fastest`; a gain of its own it may have where `gains`.
+fn samples<'s>(
+    settings: &'s Settings,
+    (what, list, example): (&str, &str, &str),
+    (fastest_mm_s, gains): (f64, bool),
+) -> Result<Samples<'s>, Diagnostic> {
+    match (settings.nested(list), settings.nested("recording")) {
+        (Some(list), None) => list.list().map(Samples::Listed),
+        (None, Some(value)) => {
+            let mut record = value.record("recording")?;
+            let file = record.required("file")?.path()?;
+            let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=fastest_mm_s, "mm/s")?;
+            let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
+            let gain = if gains { record.optional("gain") } else { None };
+            let gain = gain.map_or(Ok(1.0), |gain| gain.f64_in(0.0..=100.0, ""))?;
+            record.finish()?;
+            Ok(Samples::Recorded(Recorded { file, speed_mm_s, scale_m_s2: gain * full_scale_m_s2 }))
+        }
+        (Some(_), Some(second)) => {
+            let message = format!("{what} has both `{list}` and a `recording`");
+            Err(second.error(message).help("leave one of the two out"))
+        }
+        (None, None) => {
+            let recording = "recording: (file: \"NAME.wav\", speed_mm_s: 100, full_scale_m_s2: 50)";
+            let message = format!("{what} needs `{list}` or a `recording`");
+            Err(settings.node_error(message).help(format!("{list}: {example}, or {recording}")))
         }
     }
-    files
 }
 
 /// Takes the result of a law's constructor. Its error points at the settings.
 fn made<T>(settings: &Settings, made: Result<T, String>) -> Result<T, Diagnostic> {
-    made.map_err(|e| settings.node_error(e.to_string()))
+    made.map_err(|e| settings.node_error(e))
 }
 
 /// The field `gain` of textures.

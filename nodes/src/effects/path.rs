@@ -72,14 +72,8 @@ impl Path {
     /// Last positions of the stylus.
     pub(crate) fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.last).keep(&mut self.parabola);
-        if state.restores() {
-            let all = self.last.iter().flatten().flatten().chain(self.parabola.iter().flatten());
-            let sound = all.into_iter().all(|x| x.abs() < 1e12);
-            if !sound {
-                self.reset();
-            }
-            state.require(sound);
-        }
+        let mut all = self.last.iter().flatten().flatten().chain(self.parabola.iter().flatten());
+        state.require(all.all(|x| x.abs() < 1e12));
     }
 }
 

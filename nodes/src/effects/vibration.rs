@@ -2,16 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use crate::ports::{Doc, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Setup, State,
-    Status, Tick,
-};
+use crate::prelude::*;
 use asperity_numbers::Elementary as _;
 
 use super::bounds::check;
 use super::mix::Mix;
-use super::{acceleration, made, one_each, pick, slot};
+use super::{Renders, acceleration, made, one_each, pick, slot};
 
 /// Parts of a hertz in which frequencies are counted: 2^32.
 const PARTS: f64 = 4_294_967_296.0;
@@ -86,27 +82,15 @@ impl Node for Vibration {
         )
         .input(slot("which of `sources`, from 0; below 0 none sounds").wakes())
         .output(acceleration().doc("the sine"))
-        .param(texts("sources").doc(
-            "Sources, each a text as behind `vibration` in a scene: [\"(frequency_hz: 120, amplitude_m_s2: \
-             2)\"].",
-        ))
-        .param(
-            number("fade_ms", 20.0, 0.1..=1000.0, "ms")
-                .doc("How long a source takes to fade in or out, in a straight line."),
-        )
-        .effect(
+        .param(number("fade_ms", 20.0, 0.1..=1000.0, "ms"))
+        .doc("How long a source takes to fade in or out, in a straight line.")
+        .renders(
             Effect::new("sources", Acts::Inside).form(
                 Form::new("", "(frequency_hz: 120, amplitude_m_s2: 2)")
-                    .field(
-                        number("frequency_hz", 0.0, 0.01..=21_600.0, "Hz")
-                            .required()
-                            .doc("up to 0.45 of the audio rate"),
-                    )
-                    .field(
-                        number("amplitude_m_s2", 0.0, 0.0..=1000.0, "m/s^2")
-                            .required()
-                            .doc("amplitude of the sine"),
-                    ),
+                    .field(number("frequency_hz", 0.0, 0.01..=21_600.0, "Hz").required())
+                    .doc("up to 0.45 of the audio rate")
+                    .field(number("amplitude_m_s2", 0.0, 0.0..=1000.0, "m/s^2").required())
+                    .doc("amplitude of the sine"),
             ),
         )
         .timing("fades over `fade_ms`; not called while nothing sounds")
@@ -143,14 +127,14 @@ impl Processor for Vibration {
             let Some(source) = voice.slot.and_then(|slot| self.sources.get(slot)) else { continue };
             let on = voice.slot == wanted;
             if on && voice.level == fade {
-                self.mix.add(1.0, |part| source.process(span.start, part));
+                self.mix.add(|| 1.0, |part| source.process(span.start, part));
                 continue;
             }
             let level = || {
                 voice.level = if on { fade.min(voice.level + 1) } else { voice.level.saturating_sub(1) };
                 f64::from(voice.level) / f64::from(fade)
             };
-            self.mix.add_each(level, |part| source.process(span.start, part));
+            self.mix.add(level, |part| source.process(span.start, part));
             if !on && voice.level == 0 {
                 voice.slot = None;
             }
@@ -169,15 +153,12 @@ impl Processor for Vibration {
         state.keep(&mut fade);
         for voice in &mut self.voices {
             state.keep(&mut voice.slot).keep(&mut voice.level);
-            if state.restores() && fade != self.fade {
+            if fade != self.fade {
                 let level = u64::from(voice.level) * u64::from(self.fade) / u64::from(fade.max(1));
                 voice.level = u32::try_from(level).unwrap_or(u32::MAX);
             }
-            state
-                .require(voice.level <= self.fade && voice.slot.is_none_or(|slot| slot < self.sources.len()));
-        }
-        if state.restores() && state.failed() {
-            self.reset();
+            let slots = self.sources.len();
+            state.require(voice.level <= self.fade && voice.slot.is_none_or(|slot| slot < slots));
         }
     }
 

@@ -1,13 +1,9 @@
 //! `viscosity`: drag in a volume.
 
-use crate::ports::{Doc, MM_S, control, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
-    Setup, Status, Tick,
-};
+use crate::prelude::*;
 
 use super::bounds::{counted_vector, length};
-use super::{let_go, one_each, pick, put, slot, vector};
+use super::{Force, Renders, one_each, slot, vector};
 
 /// Drag in a volume: a force against the velocity and in proportion to it, up to a largest force. It
 /// remembers nothing.
@@ -43,9 +39,7 @@ fn read(settings: &Settings) -> Drag {
 }
 
 /// A force against the velocity and in proportion to it, by the drag of the volume that the stylus is in.
-pub struct Viscosity {
-    drags: Vec<Drag>,
-}
+pub struct Viscosity;
 
 impl Node for Viscosity {
     fn descriptor() -> Descriptor {
@@ -54,24 +48,15 @@ impl Node for Viscosity {
             "Drag: a force against the velocity, by the volume that the stylus is in.",
         )
         .input(slot("which of `drags`, from 0; below 0 the stylus is in none").wakes())
-        .input(
-            control("velocity", 3, MM_S)
-                .doc("x, y, z, as it is: behind a low-pass drag drives what it should brake"),
-        )
+        .input(control("velocity", 3, MM_S))
+        .doc("x, y, z, as it is: behind a low-pass drag drives what it should brake")
         .output(super::force("force on the stylus, x, y, z"))
-        .param(texts("drags").doc(
-            "Drags, each a text as behind `viscosity` in a scene: [\"(viscosity_ns_per_m: 2, max_force_n: \
-             1.5)\"].",
-        ))
-        .effect(
+        .renders(
             Effect::new("drags", Acts::Inside)
                 .form(
                     Form::new("", "(viscosity_ns_per_m: 2, max_force_n: 1.5)")
-                        .field(
-                            number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m")
-                                .required()
-                                .doc("force per speed"),
-                        )
+                        .field(number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m").required())
+                        .doc("force per speed")
                         .field(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("the largest force")),
                 )
                 .needs("velocity", "unfiltered")
@@ -81,24 +66,8 @@ impl Node for Viscosity {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let drags = one_each(setup, |settings| Ok(read(settings)))?;
-        Ok(Prepared::new(Self { drags }))
-    }
-}
-
-impl Processor for Viscosity {
-    fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let drag = pick(tick.inputs.value(0), self.drags.len()).and_then(|slot| self.drags.get(slot));
-        let Some(drag) = drag else { return let_go(tick) };
-        let force = drag.force_n(vector(&tick.inputs, 1));
-        put(tick, force);
-        Status::Continue
-    }
-
-    fn reset(&mut self) {}
-
-    fn facts(&mut self) -> Vec<Fact> {
-        vec![Fact::count("slots", self.drags.len() as u64)]
+        let slots = one_each(setup, |settings| Ok(read(settings)))?;
+        Ok(Prepared::new(Force { slots, force: |drag: &Drag, inputs| drag.force_n(vector(inputs, 1)) }))
     }
 }
 

@@ -1,6 +1,6 @@
 //! Kernels for every slot. Those of one slot are on at a time.
 
-use asperity_node::State;
+use crate::prelude::*;
 
 use super::pick;
 
@@ -60,10 +60,8 @@ impl<V: Voice> Voices<V> {
     pub(super) fn state(&mut self, state: &mut State<'_>) {
         let mut on = self.on;
         state.keep(&mut on);
-        if state.restores() {
-            state.require(on.is_none_or(|slot| slot < self.slots.len()));
-            self.on = on.filter(|slot| *slot < self.slots.len());
-        }
+        self.on = on.filter(|slot| *slot < self.slots.len());
+        state.require(self.on == on);
         for i in 0..self.most {
             let on = self.on.and_then(|slot| self.slots.get_mut(slot)?.get_mut(i));
             if let Some(voice) = on.or(self.spare.as_mut()) {

@@ -8,7 +8,7 @@ pub use stroke::Stroke;
 pub use trajectory::Trajectory;
 pub use velocity::Velocity;
 
-use asperity_node::Latency;
+use crate::prelude::*;
 
 /// A duration in seconds as an exact number of microseconds.
 fn microseconds(seconds: f64) -> Latency {

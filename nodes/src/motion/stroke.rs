@@ -1,8 +1,7 @@
 //! `stroke`: a generated stroke.
 
-use crate::ports::{Doc, MM, choice, control_out, number, seed};
+use crate::prelude::*;
 use asperity_motion::{self, Shape, StrokeParams};
-use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Resume, Role, Setup, Status, Tick};
 
 use super::microseconds;
 
@@ -18,36 +17,24 @@ impl Node for Stroke {
         )
         .role(Role::Stroke)
         .output(control_out("position", 3, MM).doc("x, y, z, z up"))
-        .param(
-            choice("shape", &["zigzag", "circle", "line"])
-                .doc("The path on the surface; its turns are minimum-jerk movements."),
-        )
+        .param(choice("shape", &["zigzag", "circle", "line"]))
+        .doc("The path on the surface; its turns are minimum-jerk movements.")
         .param(number("extent_mm", 80.0, 0.1..=1000.0, "mm").doc("Length along x, or diameter."))
         .param(number("speed_mm_s", 100.0, 0.1..=2000.0, "mm/s").doc("Mean speed over the path."))
-        .param(
-            number("force_n", 1.0, 0.0..=100.0, "N")
-                .doc("Mean normal force on a floor of `stiffness_n_per_mm`."),
-        )
+        .param(number("force_n", 1.0, 0.0..=100.0, "N"))
+        .doc("Mean normal force on a floor of `stiffness_n_per_mm`.")
         .param(number("force_swing", 0.3, 0.0..=1.0, "").doc("Slow change of the force, as a part of it."))
         .param(number("force_swing_hz", 0.3, 0.0..=5.0, "Hz").doc("How often the force changes so."))
-        .param(
-            number("stiffness_n_per_mm", 0.5, 0.001..=1000.0, "N/mm")
-                .doc("Stiffness of the floor that is pressed on."),
-        )
-        .param(
-            number("clearance_mm", 10.0, 0.0..=1000.0, "mm")
-                .doc("Height before approach and after lift-off."),
-        )
+        .param(number("stiffness_n_per_mm", 0.5, 0.001..=1000.0, "N/mm"))
+        .doc("Stiffness of the floor that is pressed on.")
+        .param(number("clearance_mm", 10.0, 0.0..=1000.0, "mm"))
+        .doc("Height before approach and after lift-off.")
         .param(number("approach_s", 0.4, 0.01..=10.0, "s").doc("Time of the approach, and of the lift-off."))
         .param(number("duration_s", 8.0, 0.2..=1e6, "s").doc("Time from approach to lift-off."))
-        .param(
-            number("tremor_mm", 0.05, 0.0..=10.0, "mm")
-                .doc("Largest displacement by a tremor of 8 to 12 Hz."),
-        )
-        .param(
-            number("quantum_mm", 0.055, 0.0..=10.0, "mm")
-                .doc("The sensor's step, to which positions are rounded; 0 for none."),
-        )
+        .param(number("tremor_mm", 0.05, 0.0..=10.0, "mm"))
+        .doc("Largest displacement by a tremor of 8 to 12 Hz.")
+        .param(number("quantum_mm", 0.055, 0.0..=10.0, "mm"))
+        .doc("The sensor's step, to which positions are rounded; 0 for none.")
         .param(seed().doc("Seed of tremor and force; left out, from the graph's."))
         .resumes(Resume::Continue)
     }
@@ -71,8 +58,7 @@ impl Node for Stroke {
         };
         let stroke = asperity_motion::Stroke::new(params).map_err(|e| {
             let name = e.message.split('`').nth(1).unwrap_or("").to_owned();
-            let d = p.error(&name, e.message.clone());
-            if let Some(help) = e.help { d.help(help) } else { d }
+            error_at(p, &name, e)
         })?;
         let duration = microseconds(stroke.duration_s());
         Ok(Prepared::new(Self(stroke)).duration(Some(duration)))
@@ -85,6 +71,4 @@ impl Processor for Stroke {
         tick.outputs.control(0).copy_from_slice(&sample.position);
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 }

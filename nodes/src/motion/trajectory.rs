@@ -1,11 +1,8 @@
 //! `trajectory`: a recorded stroke.
 
-use crate::ports::{Doc, MM, MM_S, N, choice, control_out, file, number, text};
+use crate::prelude::*;
 use asperity_diagnostics::Source;
 use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Role, Setup, Status, Tick,
-};
 
 use super::microseconds;
 
@@ -23,33 +20,25 @@ impl Node for Trajectory {
         Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at the tick.")
             .role(Role::Stroke)
             .output(control_out("position", 3, MM).doc("x, y, z, z up"))
-            .output(
-                control_out("force", 1, N).doc("the recorded normal force; the file needs a force_n column"),
-            )
-            .output(
-                control_out("speed", 1, MM_S).doc("the recorded speed; the file needs a speed_mm_s column"),
-            )
+            .output(control_out("force", 1, N))
+            .doc("the recorded normal force; the file needs a force_n column")
+            .output(control_out("speed", 1, MM_S))
+            .doc("the recorded speed; the file needs a speed_mm_s column")
             .param(file("file").optional().doc(
                 "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; at \
                  any rate, also irregular. Left out, a shipped zigzag.",
             ))
-            .param(text("axes", "x,y,z").doc(
-                "Which of the file's axes are x, y and z here: \"x,-z,y\" for a device whose vertical is y.",
-            ))
+            .param(text("axes", "x,y,z"))
+            .doc("Which of the file's axes are x, y and z here: \"x,-z,y\" for a device whose vertical is y.")
             .param(choice("interpolation", &["cubic", "linear"]).doc("How positions between rows are found."))
-            .param(
-                number("max_gap_s", 0.0, 0.0..=3600.0, "s")
-                    .doc("Longest time between rows; 0 for 0.1 s or five median steps."),
-            )
+            .param(number("max_gap_s", 0.0, 0.0..=3600.0, "s"))
+            .doc("Longest time between rows; 0 for 0.1 s or five median steps.")
             .resumes(Resume::Continue)
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
-        let axes = AxisMap::parse(p.text("axes")).map_err(|e| {
-            let d = p.error("axes", e.message.clone());
-            if let Some(help) = e.help { d.help(help) } else { d }
-        })?;
+        let axes = AxisMap::parse(p.text("axes")).map_err(|e| error_at(p, "axes", e))?;
         let linear = p.text("interpolation") == "linear";
         let max_gap_s = Some(p.number("max_gap_s")).filter(|s| *s > 0.0);
         let interpolation = if linear { Interpolation::Linear } else { Interpolation::Cubic };
@@ -57,10 +46,8 @@ impl Node for Trajectory {
         let trajectory = if p.get("file").is_some() {
             asperity_motion::Trajectory::read(p.file("file"), &options)?
         } else {
-            asperity_motion::Trajectory::parse(
-                &Source::new("trajectories/zigzag.csv (shipped)", SHIPPED),
-                &options,
-            )?
+            let shipped = Source::new("trajectories/zigzag.csv (shipped)", SHIPPED);
+            asperity_motion::Trajectory::parse(&shipped, &options)?
         };
         let recorded =
             [("force", trajectory.has_force(), "force_n"), ("speed", trajectory.has_speed(), "speed_mm_s")];

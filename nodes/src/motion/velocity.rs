@@ -3,12 +3,9 @@
 use asperity_numbers::Elementary as _;
 use std::f64::consts::{SQRT_2, TAU};
 
-use crate::ports::{Doc, MM, MM_S, ONE, control, control_out, number};
+use crate::prelude::*;
 use crate::since::Since;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Role, Setup, State, Status, Tick,
-};
 
 /// Filtered velocity below which a stylus that stands still counts as at rest. A network can then repeat its
 /// last output. At 20 Hz this is reached 0.22 s after 300 mm/s; the tail would end after 0.85 s.
@@ -44,22 +41,15 @@ impl Node for Velocity {
         )
         .role(Role::Velocity)
         .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
-        .input(
-            control("stroke", 1, ONE)
-                .or(0.0)
-                .doc("another number: the stylus was put down elsewhere, and what lies between is no motion"),
-        )
+        .input(control("stroke", 1, ONE).or(0.0))
+        .doc("another number: the stylus was put down elsewhere, and what lies between is no motion")
         .output(control_out("velocity", 2, MM_S).doc("vx, vy"))
         .output(control_out("speed", 1, MM_S).doc("planar speed, at least 0"))
         .output(control_out("spatial", 3, MM_S).doc("vx, vy, vz"))
-        .output(
-            control_out("unfiltered", 3, MM_S)
-                .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable"),
-        )
-        .param(
-            number("cutoff_hz", 20.0, 0.0..=1000.0, "Hz")
-                .doc("Corner of the low-pass (Butterworth) at rest; 0 for none."),
-        )
+        .output(control_out("unfiltered", 3, MM_S))
+        .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable")
+        .param(number("cutoff_hz", 20.0, 0.0..=1000.0, "Hz"))
+        .doc("Corner of the low-pass (Butterworth) at rest; 0 for none.")
         .param(number("cutoff_hz_per_mm_s", 0.0, 0.0..=10.0, "Hz per mm/s").doc(
             "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in \
              motion.",
@@ -107,7 +97,7 @@ impl Processor for Velocity {
             std::array::from_fn(|i| (now[i] - before[i]) * (self.rate_hz / runs as f64));
         let mut v = unfiltered;
         if self.cutoff_hz > 0.0 {
-            let at = self.corner();
+            let at = corner(self.cutoff_hz_now(), self.rate_hz);
             for (v, filter) in v.iter_mut().zip(&mut self.filters) {
                 let still = *v == 0.0;
                 filter.hold(*v, at, runs - 1);
@@ -158,10 +148,6 @@ impl Velocity {
     fn cutoff_hz_now(&self) -> f64 {
         let [x, y, z] = self.velocity;
         opened_hz(self.cutoff_hz, self.cutoff_hz_per_mm_s, x.hypotenuse(y).hypotenuse(z), self.rate_hz)
-    }
-
-    fn corner(&self) -> f64 {
-        corner(self.cutoff_hz_now(), self.rate_hz)
     }
 }
 

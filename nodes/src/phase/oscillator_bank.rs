@@ -1,29 +1,19 @@
 //! `oscillator_bank`: magnitudes straight to a signal.
 
-use crate::ports::{Doc, choice, magnitude, seed, signal_out};
+use crate::prelude::*;
 use asperity_dsp::{Float, Framing, Partials, oscillator_bank};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
-};
 
+use super::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Oscillators whose amplitudes follow the magnitudes within a hop.
-pub struct OscillatorBank;
-
-/// `oscillator_bank` in one precision.
-struct Running<T> {
+pub struct OscillatorBank<T = f32> {
     kernel: oscillator_bank::OscillatorBank<T>,
     framing: Framing,
+    /// Time from one frame to the next.
+    hop: Latency,
     started: bool,
     bad: u64,
-}
-
-impl<T: Float> Running<T> {
-    /// Time from one frame to the next.
-    fn hop(&self) -> Latency {
-        Latency::ratio(i64::from(self.framing.frame_den), i64::from(self.framing.frame_num))
-    }
 }
 
 impl Node for OscillatorBank {
@@ -57,15 +47,16 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         "tracked" => Partials::Tracked,
         _ => Partials::Noise,
     };
-    let framing = super::framing(setup)?;
-    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, super::seed_of(setup))
-        .map_err(|e| setup.params.node_error(e.to_string()))?;
-    let it = Running::<T> { kernel, framing, started: false, bad: 0 };
-    let (early, hop) = (Latency::ratio(-(framing.fft_len as i64), 2 * i64::from(framing.rate_hz)), it.hop());
+    let framing = framing(setup)?;
+    let kernel = oscillator_bank::OscillatorBank::new(framing, partials, seed_of(setup))
+        .map_err(kernel_error(setup))?;
+    let hop = Latency::ratio(i64::from(framing.frame_den), i64::from(framing.frame_num));
+    let early = Latency::ratio(-(framing.fft_len as i64), 2 * i64::from(framing.rate_hz));
+    let it = OscillatorBank::<T> { kernel, framing, hop, started: false, bad: 0 };
     Ok(Prepared::new(it).latency(early + hop).tail(hop))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for OscillatorBank<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.framing.rate_hz);
         if !self.started {
@@ -94,6 +85,6 @@ impl<T: Float> Processor for Running<T> {
     }
 
     fn facts(&mut self) -> Vec<Fact> {
-        vec![Fact::number("response_lag", self.hop().ms(), "ms"), Fact::count("bad_magnitudes", self.bad)]
+        vec![Fact::number("response_lag", self.hop.ms(), "ms"), Fact::count("bad_magnitudes", self.bad)]
     }
 }

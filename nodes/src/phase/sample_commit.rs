@@ -1,19 +1,14 @@
 //! `sample_commit`: magnitudes straight to a signal, by iteration over the samples that are not emitted yet.
 
-use crate::ports::{Doc, integer, magnitude, number, seed, signal_out};
+use crate::prelude::*;
 use asperity_dsp::Float;
 use asperity_dsp::sample_commit::{self, MAX_WORK, Settings};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
-};
 
+use super::{framing, kernel_error, seed_of, too_rare};
 use crate::precision::{in_precision, precision};
 
 /// Iterative phase retrieval that freezes samples, not frames.
-pub struct SampleCommit;
-
-/// `sample_commit` in one precision.
-struct Running<T> {
+pub struct SampleCommit<T = f32> {
     kernel: sample_commit::SampleCommit<T>,
     settings: Settings,
     bad: u64,
@@ -34,9 +29,8 @@ impl Node for SampleCommit {
         )
         .input(magnitude().doc("what the signal's frames are to have"))
         .output(signal_out())
-        .param(integer("frames", s.frames as i64, 1..=most).live().doc(
-            "Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.",
-        ))
+        .param(integer("frames", s.frames as i64, 1..=most).live())
+        .doc("Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.")
         .param(integer("passes", s.passes as i64, 1..=most).live().doc("Passes for each frame that comes."))
         .param(number("momentum", s.momentum, 0.0..=0.99, "").live().doc(
             "How far a pass runs on in the direction of the one before; 2 frames of 50 a pass have 0.36 at \
@@ -61,7 +55,7 @@ impl Node for SampleCommit {
 }
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-    let framing = super::framing(setup)?;
+    let framing = framing(setup)?;
     let params = setup.params;
     let frames_hz = f64::from(framing.frame_num) / f64::from(framing.frame_den);
     let window = framing.fft_len as f64 * frames_hz / f64::from(framing.rate_hz);
@@ -73,9 +67,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         emission: params.get_integer("emission").unwrap_or_else(early) as i32,
     };
     if framing.start(2) > framing.fft_len as u64 {
-        return Err(params
-            .node_error("the frames come too rarely to overlap")
-            .help("at least two frames a window: 20 a second for 0.1 s"));
+        return Err(too_rare(setup));
     }
     settings.delay(&framing).map_err(|e| {
         params.error("emission", format!("{} frames: {e}", settings.emission)).help(format!(
@@ -84,15 +76,15 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
             -(EARLY * window).round()
         ))
     })?;
-    let kernel = sample_commit::SampleCommit::new(framing, settings, super::seed_of(setup))
-        .map_err(|e| params.node_error(e.to_string()))?;
+    let kernel = sample_commit::SampleCommit::new(framing, settings, seed_of(setup));
+    let kernel = kernel.map_err(kernel_error(setup))?;
     let samples = |n| Latency::samples(n, framing.rate_hz);
     let (latency, tail) = (samples(kernel.delay()), samples(framing.fft_len as i64 + kernel.delay()));
-    let it = Running::<T> { kernel, settings, bad: 0, refused: 0 };
+    let it = SampleCommit::<T> { kernel, settings, bad: 0, refused: 0 };
     Ok(Prepared::new(it).latency(latency).tail(tail))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for SampleCommit<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.kernel.framing().rate_hz);
         self.kernel.seek(span.start);

@@ -1,20 +1,15 @@
 //! `shaped_noise`: magnitudes to a signal without phase retrieval.
 
-use crate::ports::{Doc, MM, ONE, control, magnitude, seed, signal_out};
+use crate::prelude::*;
 use asperity_dsp::Float;
 use asperity_dsp::scatter::NOISE_RATIO;
 use asperity_dsp::shaped_noise::{self, PATTERN_LEN, Pattern};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Latency, Node, Prepared, Processor, Setup, State, Status, Tick,
-};
 
+use super::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Noise, bumps and ridges through a filter that follows the magnitudes.
-pub struct ShapedNoise;
-
-/// `shaped_noise` in one precision.
-struct Running<T> {
+pub struct ShapedNoise<T = f32> {
     kernel: shaped_noise::ShapedNoise<T>,
     /// The numbers that the kernel's pattern was read from.
     pattern: Vec<f64>,
@@ -29,19 +24,12 @@ impl Node for ShapedNoise {
              hand's place is known.",
         )
         .input(magnitude().doc("what the signal's frames are expected to have"))
-        .input(
-            control("position", 3, MM)
-                .or(0.0)
-                .doc("x, y, z of the stylus; left out, there are no ridges and no bumps"),
-        )
-        .input(control("pattern", PATTERN_LEN, ONE).or(0.0).doc(
-            "ridges and bumps of the material, as `texture_network` tells them; left out, there are none",
-        ))
-        .input(
-            control("statistics", 2, ONE)
-                .or(-1.0)
-                .doc("as `texture_network` tells them: above 0 in the second where magnitudes are means"),
-        )
+        .input(control("position", 3, MM).or(0.0))
+        .doc("x, y, z of the stylus; left out, there are no ridges and no bumps")
+        .input(control("pattern", PATTERN_LEN, ONE).or(0.0))
+        .doc("ridges and bumps of the material, as `texture_network` tells them; left out, there are none")
+        .input(control("statistics", 2, ONE).or(-1.0))
+        .doc("as `texture_network` tells them: above 0 in the second where magnitudes are means")
         .output(signal_out())
         .param(seed().doc("Seed of what is left to chance; left out, from the graph's."))
         .param(precision())
@@ -57,17 +45,17 @@ impl Node for ShapedNoise {
 }
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-    let framing = super::framing(setup)?;
+    let framing = framing(setup)?;
     let tick_s = f64::from(setup.every) / f64::from(setup.tick_hz);
-    let kernel = shaped_noise::ShapedNoise::new(framing, tick_s, super::seed_of(setup))
-        .map_err(|e| setup.params.node_error(e.to_string()))?;
+    let kernel =
+        shaped_noise::ShapedNoise::new(framing, tick_s, seed_of(setup)).map_err(kernel_error(setup))?;
     let latency = Latency::samples(-(framing.fft_len as i64 / 2), framing.rate_hz);
     let two_ticks = (2.0 * f64::from(framing.rate_hz) * tick_s).ceil() as i64;
-    let it = Running::<T> { kernel, pattern: vec![0.0; PATTERN_LEN], bad: 0 };
+    let it = ShapedNoise::<T> { kernel, pattern: vec![0.0; PATTERN_LEN], bad: 0 };
     Ok(Prepared::new(it).latency(latency).tail(Latency::samples(two_ticks, framing.rate_hz)))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for ShapedNoise<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let span = tick.samples(self.kernel.framing().rate_hz);
         if tick.inputs.connected(2) {
@@ -95,7 +83,7 @@ impl<T: Float> Processor for Running<T> {
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.pattern);
         self.kernel.state(state);
-        if state.restores() && state.failed() {
+        if state.failed() {
             self.pattern.fill(0.0);
         }
     }

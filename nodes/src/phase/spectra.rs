@@ -1,12 +1,9 @@
 //! Phase retrieval frame by frame: `phase_vocoder`, `random_phase` and `spsi`.
 
+use crate::prelude::*;
 use asperity_dsp::{Complex, Float, Level, StartPhase, phase_vocoder, random_phase, spsi};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Node, Prepared, Processor, Resume, Setup, State, Status, Tick,
-};
 
 use super::{framing, kernel_error, seed_of};
-use crate::ports::{self, Doc, choice, magnitude, spectrum_out};
 use crate::precision::{in_precision, precision};
 
 /// Integrates each bin's centre frequency, from start phases that spread the energy over the window.
@@ -69,10 +66,9 @@ impl Node for PhaseVocoder {
             "Start phases: quadratic beats least and spreads the energy over the window, zero puts it at one \
              instant.",
         ))
-        .param(choice("level", &["keep", "plain"]).doc(
-            "Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.",
-        ))
-        .param(ports::seed().doc("Seed of random start phases; left out, from the graph's."))
+        .param(choice("level", &["keep", "plain"]))
+        .doc("Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.")
+        .param(seed().doc("Seed of random start phases; left out, from the graph's."))
         .param(precision())
         // Phases follow from the frame's place in time.
         .resumes(Resume::Continue)
@@ -112,7 +108,7 @@ impl Node for RandomPhase {
             "Keep scales up by the square root of the frames a window, so that magnitudes keep their energy \
              through overlap-add.",
         ))
-        .param(ports::seed().doc("Seed of the phases; left out, from the graph's."))
+        .param(seed().doc("Seed of the phases; left out, from the graph's."))
         .param(precision())
         // Phases follow from the frame's number.
         .resumes(Resume::Continue)
@@ -143,7 +139,7 @@ impl Node for Spsi {
         )
         .input(magnitude().doc("what the next frame is to have"))
         .output(spectrum_out().doc("the same magnitudes with phases"))
-        .param(ports::seed().doc("Seed of the start phases; left out, from the graph's."))
+        .param(seed().doc("Seed of the start phases; left out, from the graph's."))
         .param(precision())
     }
 

@@ -1,10 +1,6 @@
 //! `audio_out`: the way to the actuator.
 
-use crate::ports::{Doc, number};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Node, Output, Prepared, Processor, RateSpec, Role, Setup, ShapeSpec,
-    State, Status, Tick, Unit,
-};
+use crate::prelude::*;
 
 /// Time in which the output fades when its input becomes invalid, in seconds.
 const FADE_S: f32 = 0.01;
@@ -23,34 +19,20 @@ pub struct AudioOut {
 
 impl Node for AudioOut {
     fn descriptor() -> Descriptor {
-        const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
         Descriptor::new(
             "audio_out",
             "Plays a limited current or voltage through the sound card; offline, the WAV file.",
         )
         .role(Role::AudioOutput)
-        .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
-                .unit_among('u', DRIVES)
-                .limited()
-                .doc("what drives the coil, behind a limiter"),
-        )
-        .output(
-            Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
-                .doc("what the device plays"),
-        )
-        .param(
-            number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V")
-                .doc("Peak volts the card puts out at full scale."),
-        )
-        .param(
-            number("amps_per_volt", 1.0, 1e-3..=100.0, "A/V")
-                .doc("Gain of a current amplifier behind the card (input in A)."),
-        )
-        .param(
-            number("volts_per_volt", 1.0, 1e-3..=1000.0, "")
-                .doc("Gain of a voltage amplifier behind the card (input in V)."),
-        )
+        .input(drive(RateSpec::Graph).limited().doc("what drives the coil, behind a limiter"))
+        .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE))
+        .doc("what the device plays")
+        .param(number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V"))
+        .doc("Peak volts the card puts out at full scale.")
+        .param(number("amps_per_volt", 1.0, 1e-3..=100.0, "A/V"))
+        .doc("Gain of a current amplifier behind the card (input in A).")
+        .param(number("volts_per_volt", 1.0, 1e-3..=1000.0, ""))
+        .doc("Gain of a voltage amplifier behind the card (input in V).")
         .sink()
     }
 

@@ -1,10 +1,6 @@
 //! `file_out`: audio of any kind and rate to a file.
 
-use crate::ports::{Doc, audio, number, text};
-use asperity_node::{
-    Descriptor, Diagnostic, Node, Output, Prepared, Processor, RateSpec, Role, Setup, ShapeSpec, Status,
-    Tick, Unit,
-};
+use crate::prelude::*;
 
 /// A sink for audio of any unit and rate; the host writes its output to a WAV file, or a .npy file.
 pub struct FileOut {
@@ -16,29 +12,17 @@ impl Node for FileOut {
         Descriptor::new("file_out", "Records audio of any unit and rate to a file of its own.")
             .role(Role::Recorder)
             .input(audio("in").doc("what is recorded"))
-            .output(
-                Output::new("samples", ShapeSpec::Audio(RateSpec::Of('r')), Unit::FULL_SCALE)
-                    .doc("what the host writes"),
-            )
-            .param(
-                text("file", "")
-                    .required()
-                    .doc("A .wav (32-bit float) or .npy file, relative to where the program runs."),
-            )
-            .param(
-                number("full_scale", 1.0, 1e-9..=1e9, "").doc("What is written as 1, in the input's unit."),
-            )
+            .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Of('r')), Unit::FULL_SCALE))
+            .doc("what the host writes")
+            .param(text("file", "").required())
+            .doc("A .wav (32-bit float) or .npy file, relative to where the program runs.")
+            .param(number("full_scale", 1.0, 1e-9..=1e9, ""))
+            .doc("What is written as 1, in the input's unit.")
             .sink()
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let file = setup.params.text("file").to_lowercase();
-        if !(file.ends_with(".wav") || file.ends_with(".npy")) {
-            return Err(setup
-                .params
-                .error("file", format!("cannot tell the format of {file:?}"))
-                .help(".wav or .npy"));
-        }
+        super::check_file(setup, [".wav", ".npy"])?;
         Ok(Prepared::new(Self { scale: (1.0 / setup.params.number("full_scale")) as f32 }))
     }
 }
@@ -50,6 +34,4 @@ impl Processor for FileOut {
         }
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 }

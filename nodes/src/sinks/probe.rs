@@ -1,7 +1,6 @@
 //! `probe`: shows its input to the host.
 
-use crate::ports::{Doc, like, text};
-use asperity_node::{Descriptor, Diagnostic, Node, Prepared, Processor, Role, Setup, Status, Tick};
+use crate::prelude::*;
 
 /// A sink for any signal. The host reads its input after every tick and writes it. A probe keeps nothing
 /// awake, so looking at a graph does not change what the graph does.
@@ -12,21 +11,15 @@ impl Node for Probe {
         Descriptor::new("probe", "Records any signal; the host writes it to a file.")
             .role(Role::Probe)
             .input(like("in").doc("what is recorded"))
-            .param(
-                text("file", "")
-                    .doc("A .csv or .npy file, relative to where the program runs; empty records nothing."),
-            )
+            .param(text("file", ""))
+            .doc("A .csv or .npy file, relative to where the program runs; empty records nothing.")
             .timing("looks on: while what it reads sleeps, audio is zero, a control holds and no frame comes")
             .passive_sink()
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        let file = setup.params.text("file").to_lowercase();
-        if !(file.is_empty() || file.ends_with(".csv") || file.ends_with(".npy")) {
-            return Err(setup
-                .params
-                .error("file", format!("cannot tell the format of {file}"))
-                .help(".csv or .npy"));
+        if !setup.params.text("file").is_empty() {
+            super::check_file(setup, [".csv", ".npy"])?;
         }
         Ok(Prepared::new(Self))
     }
@@ -36,6 +29,4 @@ impl Processor for Probe {
     fn process(&mut self, _tick: &mut Tick<'_>) -> Status {
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 }

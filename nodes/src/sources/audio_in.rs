@@ -1,10 +1,6 @@
 //! `audio_in`: a channel of the sound card, such as an accelerometer on a line input.
 
-use crate::ports::{Doc, choice, integer, number};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Output, Ports, Prepared, Processor, RateSpec, Resume, Role,
-    Setup, ShapeSpec, Status, Tick, Unit, UnitSpec,
-};
+use crate::prelude::*;
 
 /// Reads a channel of the device and scales it.
 pub struct AudioIn {
@@ -18,15 +14,10 @@ impl Node for AudioIn {
             "Reads a channel of the sound card, such as an accelerometer on a line input.",
         )
         .role(Role::AudioInput)
-        .input(
-            Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE)
-                .host_fed()
-                .doc("what the device recorded; a wire here takes its place"),
-        )
-        .output(
-            Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
-                .doc("the signal, in `unit`"),
-        )
+        .input(Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE).host_fed())
+        .doc("what the device recorded; a wire here takes its place")
+        .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED))
+        .doc("the signal, in `unit`")
         .param(integer("channel", 1, 1..=1024).doc("Channel of the device, counted from 1."))
         .param(number("full_scale", 1.0, 1e-9..=1e9, "").doc("What the device's full scale is, in `unit`."))
         .param(choice("unit", &["m/s^2", "A", "V", "N", "FS"]).doc("The signal's unit."))
@@ -51,6 +42,4 @@ impl Processor for AudioIn {
         }
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 }

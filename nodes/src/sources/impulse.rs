@@ -1,9 +1,6 @@
 //! `impulse`: a click at an event.
 
-use crate::ports::{Doc, ONE, control, number};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Latency, Node, Ports, Prepared, Processor, Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 /// A short rectangle at each rise of a control through a threshold. It begins with the first sample of the
 /// tick.
@@ -26,13 +23,10 @@ impl Node for Impulse {
         )
         .input(control("trigger", 1, ONE).unit_of('t').wakes().doc("what is waited for"))
         .output(super::output().doc("the click"))
-        .param(
-            number("threshold", 0.5, -1e9..=1e9, "")
-                .doc("It clicks when the trigger comes to be above this."),
-        )
-        .param(
-            number("amplitude", 0.1, -1000.0..=1000.0, "").doc("Height of the click, in the output's unit."),
-        )
+        .param(number("threshold", 0.5, -1e9..=1e9, ""))
+        .doc("It clicks when the trigger comes to be above this.")
+        .param(number("amplitude", 0.1, -1000.0..=1000.0, ""))
+        .doc("Height of the click, in the output's unit.")
         .param(number("length_ms", 1.0, 0.01..=1000.0, "ms").doc("How long the click is."))
         .param(super::unit_param())
     }

@@ -12,8 +12,7 @@ pub use impulse::Impulse;
 pub use sine::Sine;
 pub use sweep::Sweep;
 
-use crate::ports::{Doc, choice};
-use asperity_node::{Config, Output, Param, Ports, RateSpec, ShapeSpec, Unit, UnitSpec};
+use crate::prelude::*;
 
 /// Units that a source may put out.
 const UNITS: [&str; 4] = ["A", "V", "m/s^2", "FS"];

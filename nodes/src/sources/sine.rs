@@ -2,13 +2,9 @@
 
 use std::f64::consts::TAU;
 
-use crate::ports::{Doc, number};
+use crate::prelude::*;
 use asperity_actuator::identify::raised_cosine;
 use asperity_dsp::Ramp;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Latency, Node, Ports, Prepared, Processor, Resume, Setup, State, Status,
-    Tick,
-};
 use asperity_numbers::Elementary as _;
 
 /// A sine that fades in and, where it ends, out.
@@ -72,17 +68,11 @@ impl Node for Sine {
     fn descriptor() -> Descriptor {
         Descriptor::new("sine", "Makes a sine that fades in and out, such as to find an actuator by.")
             .output(super::output().doc("the sine"))
-            .param(
-                number("frequency_hz", 80.0, 0.01..=20_000.0, "Hz")
-                    .live()
-                    .doc("Frequency, at most 0.45 of the audio rate; a new one goes on from the same phase."),
-            )
+            .param(number("frequency_hz", 80.0, 0.01..=20_000.0, "Hz").live())
+            .doc("Frequency, at most 0.45 of the audio rate; a new one goes on from the same phase.")
             .param(number("amplitude", 0.1, 0.0..=1000.0, "").live().doc("Amplitude, in the output's unit."))
-            .param(
-                number("seconds", 0.0, 0.0..=1e6, "s").doc(
-                    "How long it sounds, with fades of 20 ms, shorter where there is no room; 0 for ever.",
-                ),
-            )
+            .param(number("seconds", 0.0, 0.0..=1e6, "s"))
+            .doc("How long it sounds, with fades of 20 ms, shorter where there is no room; 0 for ever.")
             .param(super::unit_param())
             .resumes(Resume::Continue)
     }

@@ -1,11 +1,7 @@
 //! `sweep`: all frequencies, one after the other.
 
-use crate::ports::{Doc, choice, number};
+use crate::prelude::*;
 use asperity_actuator::identify::{self, SweepSettings, SweepShape};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, Latency, Node, Ports, Prepared, Processor, Resume, Setup, Status,
-    Tick,
-};
 
 /// An exponential sine sweep between two silences; each sample follows from its number alone.
 pub struct Sweep {
@@ -20,31 +16,20 @@ impl Node for Sweep {
         Descriptor::new("sweep", "Makes an exponential sine sweep, to measure an actuator with.")
             .output(super::output().doc("the sweep"))
             .param(number("from_hz", s.from_hz, 0.5..=5000.0, "Hz").doc("First frequency."))
-            .param(
-                number("to_hz", s.to_hz, 1.0..=20_000.0, "Hz")
-                    .doc("Last frequency: at least 1.5 times the first, at most 0.45 of the audio rate."),
-            )
-            .param(
-                number("seconds", s.seconds, 0.1..=120.0, "s").doc(
-                    "Length of the sweep without its silences, rounded so that its harmonics are in phase.",
-                ),
-            )
-            .param(
-                number("amplitude", s.amplitude, 0.0..=1000.0, "")
-                    .doc("Largest amplitude, in the output's unit."),
-            )
+            .param(number("to_hz", s.to_hz, 1.0..=20_000.0, "Hz"))
+            .doc("Last frequency: at least 1.5 times the first, at most 0.45 of the audio rate.")
+            .param(number("seconds", s.seconds, 0.1..=120.0, "s"))
+            .doc("Length of the sweep without its silences, rounded so that its harmonics are in phase.")
+            .param(number("amplitude", s.amplitude, 0.0..=1000.0, ""))
+            .doc("Largest amplitude, in the output's unit.")
             .param(choice("shape", &["flat", "displacement"]).doc(
                 "The same amplitude everywhere, or one that falls with the frequency below `corner_hz`, so \
                  that the mover stays near its middle.",
             ))
-            .param(
-                number("corner_hz", s.corner_hz, 1.0..=20_000.0, "Hz")
-                    .doc("Below it the shape `displacement` falls."),
-            )
-            .param(
-                number("fade_ms", s.fade_s * 1e3, 0.0..=1000.0, "ms")
-                    .doc("Length of each fade, a raised cosine."),
-            )
+            .param(number("corner_hz", s.corner_hz, 1.0..=20_000.0, "Hz"))
+            .doc("Below it the shape `displacement` falls.")
+            .param(number("fade_ms", s.fade_s * 1e3, 0.0..=1000.0, "ms"))
+            .doc("Length of each fade, a raised cosine.")
             .param(silence("before_s", s.before_s, "Silence before the sweep."))
             .param(silence("after_s", s.after_s, "Silence after the sweep."))
             .param(super::unit_param())
@@ -88,8 +73,6 @@ impl Processor for Sweep {
         }
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 
     fn facts(&mut self) -> Vec<Fact> {
         vec![

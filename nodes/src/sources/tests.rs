@@ -1,82 +1,47 @@
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use asperity_checks::{Stop, Subject, node_cases};
-use asperity_node::{
-    Buffer, Config, Inputs, NodeKind, Outputs, ParamValue, Params, PortType, Prepared, Processor, Setup,
-    Shape, Status, Tick, Unit, Wiring,
-};
+use asperity_node::{ParamValue, Shape, Status};
+
+use crate::bench::{Alone, largest_step};
 
 const RATE: u32 = 44_100;
 const TICK_HZ: u32 = 500;
 
-/// A node of `kind` at 44.1 kHz with these parameters, the others at their defaults.
-fn prepared(kind: &str, set: &[(&str, ParamValue)]) -> Prepared {
-    let kind = crate::registry().get(kind).unwrap().clone();
-    let mut params = Params::new(None);
-    for p in &kind.descriptor().params {
-        let value = set.iter().find(|(n, _)| *n == p.name).map(|(_, v)| v.clone());
-        params.insert(p.name.to_string(), value.or_else(|| p.default.clone()), None);
-    }
-    let config = Config { id: "it", params: &params, tick_hz: TICK_HZ, every: 1, audio_hz: RATE, seed: 1 };
-    let outputs = [Wiring { port: Some(port()), connected: true }];
-    kind.prepare(&Setup { config, inputs: &[], outputs: &outputs, closes_cycle: false }).unwrap()
-}
-
-fn node(kind: &str, set: &[(&str, ParamValue)]) -> Box<dyn Processor> {
-    prepared(kind, set).processor
-}
-
-fn port() -> PortType {
-    PortType { shape: Shape::Audio { rate_hz: RATE }, unit: Unit::AMPERE, limited: false }
-}
-
-fn number(name: &'static str, value: f64) -> (&'static str, ParamValue) {
-    (name, ParamValue::Number(value))
+/// A source at 44.1 kHz with these parameters, the others at their defaults.
+fn source(kind: &str, set: &[(&str, f64)]) -> Alone {
+    let set: Vec<_> = set.iter().map(|(name, value)| (*name, ParamValue::Number(*value))).collect();
+    Alone::new(kind, &set, (TICK_HZ, 1, RATE), &[], &[Shape::Audio { rate_hz: RATE }]).unwrap()
 }
 
 /// The samples of some ticks.
-fn play(node: &mut dyn Processor, ticks: std::ops::Range<u64>) -> Vec<f32> {
+fn play(source: &mut Alone, ticks: std::ops::Range<u64>) -> Vec<f32> {
     let mut out = Vec::new();
     for index in ticks {
-        let mut buffers = [Buffer::new(&port(), TICK_HZ)];
-        let span = asperity_node::time::samples(index, RATE, TICK_HZ);
-        if let Buffer::Audio { len, .. } = &mut buffers[0] {
-            *len = (span.end - span.start) as usize;
-        }
-        let inputs = Inputs::new(&[], &[], 0, &[]);
-        let mut tick = Tick { index, tick_hz: TICK_HZ, inputs, outputs: Outputs::new(&mut buffers) };
-        let status = node.run(&mut tick).unwrap();
-        let Buffer::Audio { samples, len, .. } = &buffers[0] else { panic!("audio") };
-        assert!(status != Status::Quiet || samples[..*len].iter().all(|x| *x == 0.0));
-        out.extend_from_slice(&samples[..*len]);
+        let (status, _) = source.tick(index);
+        assert!(status != Status::Quiet || source.audio().iter().all(|x| *x == 0.0));
+        out.extend_from_slice(source.audio());
     }
     out
-}
-
-fn largest_step(x: &[f32]) -> f32 {
-    x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max)
 }
 
 #[test]
 fn sources_are_as_every_node_must_be() {
     for kind in ["sine", "sweep"] {
-        let kind: Arc<NodeKind> = crate::registry().get(kind).unwrap().clone();
-        let mut subject = Subject::one(kind.clone());
+        let mut subject = Subject::one(crate::registry().get(kind).unwrap().clone());
         subject.ticks = 500;
         for case in node_cases() {
             let found = case.run(&subject);
-            let fails = matches!(found, Err(Stop::Failed(_)));
-            assert!(!fails, "{} {}: {found:?}", kind.descriptor().kind, case.name);
+            assert!(!matches!(found, Err(Stop::Failed(_))), "{kind} {}: {found:?}", case.name);
         }
     }
 }
 
 #[test]
 fn a_sine_has_its_phase_after_a_day() {
-    let mut sine = node("sine", &[number("frequency_hz", 79.7), number("amplitude", 2.0)]);
+    let mut sine = source("sine", &[("frequency_hz", 79.7), ("amplitude", 2.0)]);
     let first = 24 * 3600 * u64::from(TICK_HZ);
-    for (i, y) in play(&mut *sine, first..first + 10).into_iter().enumerate() {
+    for (i, y) in play(&mut sine, first..first + 10).into_iter().enumerate() {
         // In integers: tenths of a hertz times samples, modulo ten times the rate.
         let n = u128::from(24 * 3600 * u64::from(RATE)) + i as u128;
         let phase = (797 * n % (10 * u128::from(RATE))) as f64 / (10.0 * f64::from(RATE));
@@ -86,29 +51,29 @@ fn a_sine_has_its_phase_after_a_day() {
 
 #[test]
 fn a_sine_changes_frequency_and_amplitude_without_a_step() {
-    let mut sine = node("sine", &[number("frequency_hz", 100.0), number("amplitude", 1.0)]);
-    let mut out = play(&mut *sine, 0..50);
+    let mut sine = source("sine", &[("frequency_hz", 100.0), ("amplitude", 1.0)]);
+    let mut out = play(&mut sine, 0..50);
     let mut before = 100.0;
     for (tick, hz) in [(50, 333.3), (53, 40.0), (56, 250.0)] {
-        sine.set_parameter(0, hz);
-        out.extend(play(&mut *sine, tick..tick + 3));
+        sine.node().set_parameter(0, hz);
+        out.extend(play(&mut sine, tick..tick + 3));
         // From the same phase: no step is greater than the steepest of either frequency.
         let steepest = TAU * hz.max(before) / f64::from(RATE);
         assert!(f64::from(largest_step(&out[out.len() - 3 * 88 - 3..])) < 1.001 * steepest, "{hz}");
         before = hz;
     }
-    let mut sine = node("sine", &[number("frequency_hz", 1.0), number("amplitude", 0.0)]);
-    play(&mut *sine, 0..125);
-    sine.set_parameter(1, 1.0);
+    let mut sine = source("sine", &[("frequency_hz", 1.0), ("amplitude", 0.0)]);
+    play(&mut sine, 0..125);
+    sine.node().set_parameter(1, 1.0);
     // A quarter of a period in, the sine stands at its top and the ramp shows: 1 in 10 ms.
-    let up = play(&mut *sine, 125..140);
+    let up = play(&mut sine, 125..140);
     assert!(largest_step(&up) < 1.1 / 441.0 && (up[440] - 1.0).abs() < 0.01 && up[220] < 0.6, "{}", up[440]);
 }
 
 #[test]
 fn a_sine_fades_in_and_out_and_is_over() {
-    let mut sine = prepared("sine", &[number("frequency_hz", 500.0), number("seconds", 0.5)]);
-    let out = play(&mut *sine.processor, 0..500);
+    let mut sine = source("sine", &[("frequency_hz", 500.0), ("seconds", 0.5)]);
+    let out = play(&mut sine, 0..500);
     let (fade, end) = (882, 22_050);
     for (n, y) in out.iter().enumerate() {
         let edge = (n.min(end - 1 - n.min(end - 1)) as f64 / fade as f64).min(1.0);
@@ -116,31 +81,26 @@ fn a_sine_fades_in_and_out_and_is_over() {
         assert!(f64::from(y.abs()) <= if n < end { most + 1e-7 } else { 0.0 }, "{n}: {y}");
     }
     assert!(out[2000..20_000].iter().any(|y| *y > 0.0999));
-    assert_eq!(sine.duration.unwrap().ms(), 500.0);
-    assert!(prepared("sine", &[]).duration.is_none());
+    assert_eq!(sine.prepared.duration.unwrap().ms(), 500.0);
+    assert!(source("sine", &[]).prepared.duration.is_none());
 }
 
 #[test]
 fn a_sine_that_does_not_fit_the_rate_is_refused() {
-    let kind = crate::registry().get("sine").unwrap().clone();
-    let mut params = Params::new(None);
-    params.insert("frequency_hz", Some(ParamValue::Number(19_900.0)), None);
-    let config = Config { id: "it", params: &params, tick_hz: 500, every: 1, audio_hz: RATE, seed: 1 };
-    let outputs = [Wiring { port: Some(port()), connected: true }];
+    let set = [("frequency_hz", ParamValue::Number(19_900.0))];
     let error =
-        kind.prepare(&Setup { config, inputs: &[], outputs: &outputs, closes_cycle: false }).err().unwrap();
+        Alone::new("sine", &set, (TICK_HZ, 1, RATE), &[], &[Shape::Audio { rate_hz: RATE }]).err().unwrap();
     assert!(error.message.contains("does not fit an audio rate of 44100 Hz"), "{}", error.message);
 }
 
 #[test]
 fn sweep_is_exponential_between_silences() {
-    let set =
-        [number("from_hz", 20.0), number("to_hz", 1280.0), number("seconds", 3.0), number("amplitude", 0.5)];
-    let mut sweep = prepared("sweep", &set);
-    let ms = sweep.duration.unwrap().ms();
+    let set = [("from_hz", 20.0), ("to_hz", 1280.0), ("seconds", 3.0), ("amplitude", 0.5)];
+    let mut sweep = source("sweep", &set);
+    let ms = sweep.prepared.duration.unwrap().ms();
     // f0 L = 20 x 3 / ln 64 = 14.4, of which 14 remain.
     assert!((ms - 1500.0 - 14.0 / 20.0 * 64f64.ln() * 1e3).abs() < 0.1, "{ms}");
-    let out = play(&mut *sweep.processor, 0..(ms / 2.0) as u64 + 100);
+    let out = play(&mut sweep, 0..(ms / 2.0) as u64 + 100);
     let rate = f64::from(RATE);
     let (before, active) = ((0.5 * rate) as usize, ((ms * 1e-3 - 1.5) * rate).round() as usize);
     assert!(out[..before].iter().chain(&out[before + active..]).all(|y| *y == 0.0));
@@ -163,15 +123,17 @@ fn sweep_is_exponential_between_silences() {
 
 #[test]
 fn a_sweep_of_shape_displacement_is_small_where_it_is_slow() {
-    let shape = ("shape", ParamValue::Text("displacement".into()));
+    let number = ParamValue::Number;
     let set = [
-        number("from_hz", 10.0),
-        number("to_hz", 1000.0),
-        number("seconds", 4.0),
-        number("before_s", 0.0),
-        shape,
+        ("from_hz", number(10.0)),
+        ("to_hz", number(1000.0)),
+        ("seconds", number(4.0)),
+        ("before_s", number(0.0)),
+        ("shape", ParamValue::Text("displacement".into())),
     ];
-    let out = play(&mut *node("sweep", &set), 0..2000);
+    let rates = (TICK_HZ, 1, RATE);
+    let mut sweep = Alone::new("sweep", &set, rates, &[], &[Shape::Audio { rate_hz: RATE }]).unwrap();
+    let out = play(&mut sweep, 0..2000);
     let peak = |from: f64, to: f64| {
         let range = (from * f64::from(RATE)) as usize..(to * f64::from(RATE)) as usize;
         out[range].iter().fold(0.0f32, |m, y| m.max(y.abs()))

@@ -1,22 +1,15 @@
 //! `overlap_add`: spectra to a signal.
 
-use crate::ports::signal_out;
+use crate::phase::{framing, kernel_error, too_rare};
+use crate::prelude::*;
 use asperity_dsp::{Float, Framing, overlap_add};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, Latency, LayoutSpec, Node, Prepared, Processor, Role, Setup, Shape,
-    ShapeSpec, State, Status, Tick, Unit,
-};
 
 use crate::precision::{in_precision, precision};
 
 /// Inverse FFT and weighted overlap-add, gain-exact for any hop.
-pub struct OverlapAdd;
-
-/// `overlap_add` in one precision.
-struct Running<T> {
+pub struct OverlapAdd<T = f32> {
     kernel: overlap_add::OverlapAdd<T>,
-    rate_hz: u32,
-    length: u32,
+    framing: Framing,
     started: bool,
     refused: u64,
 }
@@ -28,11 +21,8 @@ impl Node for OverlapAdd {
             "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.",
         )
         .role(Role::OverlapAdd)
-        .input(
-            Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("frames with phases"),
-        )
+        .input(Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE).unit_of('u'))
+        .doc("frames with phases")
         .output(signal_out())
         .param(precision())
         .timing(
@@ -47,36 +37,20 @@ impl Node for OverlapAdd {
 }
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-    let Some(Shape::Spectrum(l)) = setup.input(0).map(|p| p.shape) else {
-        return Err(setup.params.node_error("nothing settles the layout of the frames"));
-    };
-    let framing = Framing {
-        rate_hz: l.rate_hz,
-        fft_len: l.length as usize,
-        bins: l.bins as usize,
-        frame_num: l.frame_rate.num(),
-        frame_den: l.frame_rate.den(),
-    };
+    let framing = framing(setup)?;
+    let Framing { rate_hz, fft_len, frame_num, frame_den, .. } = framing;
     // At longer hops the sum of windows comes near 0, and the division by it explodes.
-    let rarely = u64::from(l.frame_rate.num()) * u64::from(l.length)
-        < 2 * u64::from(l.rate_hz) * u64::from(l.frame_rate.den());
-    if rarely {
-        let message = format!("the frames come too rarely to overlap: {l}");
-        return Err(setup
-            .params
-            .node_error(message)
-            .help("at least two frames a window: 20 a second for 0.1 s"));
+    if u64::from(frame_num) * (fft_len as u64) < 2 * u64::from(rate_hz) * u64::from(frame_den) {
+        return Err(too_rare(setup));
     }
-    let kernel =
-        overlap_add::OverlapAdd::new(framing).map_err(|e| setup.params.node_error(format!("{e}: {l}")))?;
-    let tail = Latency::samples(i64::from(l.length), l.rate_hz);
-    let it = Running::<T> { kernel, rate_hz: l.rate_hz, length: l.length, started: false, refused: 0 };
-    Ok(Prepared::new(it).tail(tail))
+    let kernel = overlap_add::OverlapAdd::new(framing).map_err(kernel_error(setup))?;
+    let tail = Latency::samples(fft_len as i64, rate_hz);
+    Ok(Prepared::new(OverlapAdd::<T> { kernel, framing, started: false, refused: 0 }).tail(tail))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for OverlapAdd<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let span = tick.samples(self.rate_hz);
+        let span = tick.samples(self.framing.rate_hz);
         if !self.started {
             self.kernel.reset(span.start);
             self.started = true;
@@ -98,7 +72,7 @@ impl<T: Float> Processor for Running<T> {
     }
 
     fn facts(&mut self) -> Vec<Fact> {
-        let lag = f64::from(self.length) * 500.0 / f64::from(self.rate_hz);
+        let lag = self.framing.fft_len as f64 * 500.0 / f64::from(self.framing.rate_hz);
         vec![Fact::number("response_lag", lag, "ms"), Fact::count("refused_frames", self.refused)]
     }
 }

@@ -1,19 +1,12 @@
 //! `resample`: a signal at another rate.
 
-use crate::ports::{Doc, choice, integer, number};
+use crate::prelude::*;
 use asperity_dsp::{Conversion, FilterPhase, Float, Resampler};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Latency, Node, Output, Ports, Prepared, Processor, RateSpec,
-    Setup, ShapeSpec, State, Status, Tick, Unit,
-};
 
 use crate::precision::{in_precision, precision};
 
 /// Brings a signal to the audio rate, or any other, by a polyphase filter.
-pub struct Resample;
-
-/// `resample` in one precision.
-struct Running<T> {
+pub struct Resample<T = f32> {
     /// None where both rates are the same.
     kernel: Option<Resampler<T>>,
     in_hz: u32,
@@ -29,21 +22,12 @@ impl Node for Resample {
             "resample",
             "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.",
         )
-        .input(
-            Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE)
-                .unit_of('u')
-                .doc("the signal at its own rate"),
-        )
-        .output(
-            Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE)
-                .unit_of('u')
-                .doc("the same at the other rate"),
-        )
-        .param(
-            integer("rate_hz", 0, 0..=192_000)
-                .unit("Hz")
-                .doc("The output's rate; 0 for the graph's audio rate."),
-        )
+        .input(Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE).unit_of('u'))
+        .doc("the signal at its own rate")
+        .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_of('u'))
+        .doc("the same at the other rate")
+        .param(integer("rate_hz", 0, 0..=192_000).unit("Hz"))
+        .doc("The output's rate; 0 for the graph's audio rate.")
         .param(choice("phase", &["linear", "minimum"]).doc(
             "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high \
              frequencies.",
@@ -80,7 +64,7 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
     let (in_hz, out_hz) = (setup.input_rate(0), setup.output_rate(0));
     let phase = if p.text("phase") == "minimum" { FilterPhase::Minimum } else { FilterPhase::Linear };
     if in_hz == out_hz {
-        return Ok(Prepared::new(Running::<T> { kernel: None, in_hz, out_hz }));
+        return Ok(Prepared::new(Resample::<T> { kernel: None, in_hz, out_hz }));
     }
     // Above the predicted band there is nothing to keep, so a shorter filter is enough.
     let mut passband = p.number("passband");
@@ -92,11 +76,11 @@ fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         .map_err(|e| p.node_error(format!("cannot go from {in_hz} to {out_hz} Hz: {e}")))?;
     let (num, den) = kernel.latency();
     let latency = Latency::ratio(num as i64, den as i64);
-    let it = Running { kernel: Some(kernel), in_hz, out_hz };
+    let it = Resample { kernel: Some(kernel), in_hz, out_hz };
     Ok(Prepared::new(it).latency(latency).tail(latency + latency))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for Resample<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let (first_in, first_out) = (tick.samples(self.in_hz).start, tick.samples(self.out_hz).start);
         let (input, output) = (tick.inputs.audio(0), tick.outputs.audio(0));

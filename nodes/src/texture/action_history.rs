@@ -1,10 +1,6 @@
 //! `action_history`: the last forces and velocities, as the texture network reads them.
 
-use crate::ports::{Doc, MM_S, N, control, control_out, integer};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Node, Ports, Prepared, Processor, Resume, Setup, ShapeSpec, State,
-    Status, Tick,
-};
+use crate::prelude::*;
 
 /// Samples force and velocity at a rate of its own and keeps the last ones.
 ///

@@ -1,21 +1,14 @@
 //! `scatter`: from expected magnitudes to those of one random signal.
 
-use crate::ports::{Doc, ONE, control, magnitude, number, seed};
+use crate::prelude::*;
 use asperity_dsp::Float;
 use asperity_dsp::scatter::{self, Statistics};
-use asperity_node::{
-    Descriptor, Diagnostic, Fact, Input, LayoutSpec, Node, Output, Prepared, Processor, Resume, Setup,
-    ShapeSpec, Status, Tick, Unit,
-};
 
-use crate::phase::{framing, seed_of};
+use crate::phase::{framing, kernel_error, seed_of};
 use crate::precision::{in_precision, precision};
 
 /// Scatters magnitudes about their expected values, as those of noise, or of lines in noise, scatter.
-pub struct Scatter;
-
-/// `scatter` in one precision.
-struct Running<T> {
+pub struct Scatter<T = f32> {
     kernel: scatter::Scatter<T>,
     strength: f64,
     bad: u64,
@@ -37,16 +30,10 @@ impl Node for Scatter {
             "variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes \
              are means",
         ))
-        .output(
-            Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
-                .unit_of('u')
-                .doc("magnitudes that one signal may have"),
-        )
-        .param(
-            number("strength", 1.0, 0.0..=1.0, "")
-                .live()
-                .doc("How far magnitudes scatter: 0 leaves them as they are."),
-        )
+        .output(Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).unit_of('u'))
+        .doc("magnitudes that one signal may have")
+        .param(number("strength", 1.0, 0.0..=1.0, "").live())
+        .doc("How far magnitudes scatter: 0 leaves them as they are.")
         .param(seed().doc("Seed of the noise; left out, from the graph's."))
         .param(precision())
         .timing("no latency: a frame comes out in the tick in which it comes")
@@ -60,12 +47,11 @@ impl Node for Scatter {
 }
 
 fn prepare<T: Float>(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-    let kernel = scatter::Scatter::new(framing(setup)?, seed_of(setup))
-        .map_err(|e| setup.params.node_error(e.to_string()))?;
-    Ok(Prepared::new(Running::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
+    let kernel = scatter::Scatter::new(framing(setup)?, seed_of(setup)).map_err(kernel_error(setup))?;
+    Ok(Prepared::new(Scatter::<T> { kernel, strength: setup.params.number("strength"), bad: 0 }))
 }
 
-impl<T: Float> Processor for Running<T> {
+impl<T: Float> Processor for Scatter<T> {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = tick.inputs.magnitude(0) else { return Status::Quiet };
         let ratio = tick.inputs.magnitude(1).filter(|r| r.index == frame.index).map_or(&[][..], |r| r.bins);
@@ -80,8 +66,6 @@ impl<T: Float> Processor for Running<T> {
         self.bad += self.kernel.process(frame.index, frame.bins, known, self.strength, out) as u64;
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 
     fn set_parameter(&mut self, index: usize, value: f64) {
         if index == 0 {

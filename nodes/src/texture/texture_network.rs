@@ -1,15 +1,10 @@
 //! `texture_network`: from forces and velocities to the magnitudes of the vibration they cause.
 
-use crate::ports::{Doc, MM_S, N, ONE, choice, control, control_out, file, integer, text, texts};
+use crate::prelude::*;
 use asperity_dsp::shaped_noise::PATTERN_LEN;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, FrameRate, LayoutSpec, Node, Output,
-    Ports, Prepared, Processor, Role, Setup, ShapeSpec, Status, Tick, Unit,
-};
-use asperity_texture::Library;
 use asperity_texture::{
-    Answer, Choice, FORCE_LEN, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN, Target,
-    hold_magnitudes,
+    Answer, Choice, FORCE_LEN, Library, MAGNITUDES_LEN, Model, Precision, Range, RunError, Runner, SPEED_LEN,
+    Target, hold_magnitudes,
 };
 
 /// The model's bins are 10 Hz apart: its window is 0.1 s.
@@ -36,21 +31,12 @@ pub struct TextureNetwork {
     /// Whether `answer` is the answer to `force`, `velocity` and `material`.
     answered: bool,
     range: Range,
-    held: Held,
+    /// Frames with a force out of range among the last ten, frames with a velocity out of range, and magnitudes
+    /// that were negative or not finite.
+    held: [u64; 3],
     /// Number of frames for which the network was run, and of those for which it was not.
     runs: u64,
     reused: u64,
-}
-
-/// Counts of values that were out of range.
-#[derive(Clone, Copy, Debug, Default)]
-struct Held {
-    /// Frames with a force out of range among the last ten.
-    force: u64,
-    /// Frames with a velocity out of range.
-    velocity: u64,
-    /// Magnitudes that were negative or not finite.
-    magnitudes: u64,
 }
 
 /// Whether all are the same numbers, to the bit: signs of zeros and NaN count.
@@ -87,34 +73,22 @@ impl Node for TextureNetwork {
             "Predicts the vibration of touching a material: an ONNX model's magnitudes of the next 0.1 s.",
         )
         .role(Role::TextureNetwork)
-        .input(
-            control("force", FORCE_LEN, N).doc(
-                "the last forces, oldest first; held to 0 and the largest that the model was trained on",
-            ),
-        )
-        .input(
-            control("velocity", SPEED_LEN, MM_S).doc(
-                "the last vx, then the last vy, oldest first; made slower where faster than any trained",
-            ),
-        )
-        .input(
-            control("material", 1, ONE)
-                .or(0.0)
-                .doc("which of `material` and then `materials`, from 0; rounded, held to the ends"),
-        )
-        .output(
-            Output::new(
-                "magnitude",
-                ShapeSpec::Magnitude(LayoutSpec::Is(shown)),
-                Unit::METRE_PER_SECOND_SQUARED,
-            )
-            .doc("acceleration of the next 0.1 s; bin 0 is 0"),
-        )
-        .output(
-            Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE).secondary().doc(
-                "mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that \
-                 does not say, noise",
-            ),
+        .input(control("force", FORCE_LEN, N))
+        .doc("the last forces, oldest first; held to 0 and the largest that the model was trained on")
+        .input(control("velocity", SPEED_LEN, MM_S))
+        .doc("the last vx, then the last vy, oldest first; made slower where faster than any trained")
+        .input(control("material", 1, ONE).or(0.0))
+        .doc("which of `material` and then `materials`, from 0; rounded, held to the ends")
+        .output(Output::new(
+            "magnitude",
+            ShapeSpec::Magnitude(LayoutSpec::Is(shown)),
+            Unit::METRE_PER_SECOND_SQUARED,
+        ))
+        .doc("acceleration of the next 0.1 s; bin 0 is 0")
+        .output(Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE).secondary())
+        .doc(
+            "mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that \
+             does not say, noise",
         )
         .output(control_out("statistics", 2, ONE).secondary().doc(
             "variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where \
@@ -131,23 +105,16 @@ impl Node for TextureNetwork {
         .param(file("library").doc("RON: material names and their texture vectors of 256 numbers."))
         .param(text("material", "").required().doc("The material's name in the library."))
         .param(texts("materials").doc("More materials, preloaded for the input `material` to pick."))
-        .param(
-            integer("synthesis_hz", 2500, 0..=192_000)
-                .unit("Hz")
-                .doc("Rate of the signal that is synthesised; 0 for the audio rate."),
-        )
-        .param(
-            integer("bins", MAGNITUDES_LEN as i64, 1..=MAGNITUDES_LEN as i64)
-                .doc("How many of the bins are used, 10 Hz apart."),
-        )
+        .param(integer("synthesis_hz", 2500, 0..=192_000).unit("Hz"))
+        .doc("Rate of the signal that is synthesised; 0 for the audio rate.")
+        .param(integer("bins", MAGNITUDES_LEN as i64, 1..=MAGNITUDES_LEN as i64))
+        .doc("How many of the bins are used, 10 Hz apart.")
         .param(choice("precision", &Precision::ALL.map(Precision::name)).doc(
             "How the weights are kept: f16 and int8 are faster, with errors of up to 0.02 % and 0.5 % of the \
              largest magnitude; f64, sums and all, is what the others are judged by, and slow.",
         ))
-        .param(
-            choice("executor", &["auto", "tract"])
-                .doc("`auto` takes packed kernels where they agree with tract."),
-        )
+        .param(choice("executor", &["auto", "tract"]))
+        .doc("`auto` takes packed kernels where they agree with tract.")
         .timing("no latency: a frame describes the 0.1 s that begin with it")
     }
 
@@ -161,15 +128,11 @@ impl Node for TextureNetwork {
         let p = setup.params;
         let layout = layout(&setup.config)?;
         let library = Library::shared(p.file("library"))?;
-        let mut vectors = Vec::new();
-        let (mut names, mut patterns) = (Vec::new(), Vec::new());
+        let (mut vectors, mut names, mut patterns) = (Vec::new(), Vec::new(), Vec::new());
         let wanted = std::iter::once(("material", p.text("material")))
             .chain(p.texts("materials").iter().map(|name| ("materials", name.as_str())));
         for (param, name) in wanted {
-            let material = library.material(name).map_err(|e| {
-                let d = p.error(param, e.message);
-                if let Some(help) = e.help { d.help(help) } else { d }
-            })?;
+            let material = library.material(name).map_err(|e| error_at(p, param, e))?;
             vectors.push(material.vector.to_vec());
             patterns.push(material.pattern.numbers());
             names.push(name.to_owned());
@@ -193,7 +156,7 @@ impl Node for TextureNetwork {
             means: f64::from(u8::from(model.target() == Target::Mean)),
             answered: false,
             range: Range::new(model.trained()),
-            held: Held::default(),
+            held: [0; 3],
             runs: 0,
             reused: 0,
         };
@@ -205,8 +168,8 @@ impl Processor for TextureNetwork {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let Some(frame) = self.clock.frame(tick.index) else { return Status::Quiet };
         let (mut force, mut velocity) = ([0.0; FORCE_LEN], [0.0; SPEED_LEN]);
-        self.held.force += u64::from(self.range.forces(tick.inputs.control(0), &mut force));
-        self.held.velocity += u64::from(self.range.velocities(tick.inputs.control(1), &mut velocity));
+        self.held[0] += u64::from(self.range.forces(tick.inputs.control(0), &mut force));
+        self.held[1] += u64::from(self.range.velocities(tick.inputs.control(1), &mut velocity));
         // A float to an integer saturates, and NaN is 0.
         let material = (tick.inputs.value(2).round() as usize).min(self.runner.materials() - 1);
         let same = self.answered
@@ -227,7 +190,7 @@ impl Processor for TextureNetwork {
         let start = self.layout.frame_rate.first_sample(frame, self.layout.rate_hz);
         let bins = tick.outputs.magnitude(0, frame, start);
         bins[0] = 0.0;
-        self.held.magnitudes += hold_magnitudes(&self.answer.magnitudes, &mut bins[1..]);
+        self.held[2] += hold_magnitudes(&self.answer.magnitudes, &mut bins[1..]);
         let ratios = tick.outputs.magnitude(1, frame, start);
         ratios[0] = self.answer.ratio[0];
         ratios[1..].iter_mut().zip(&self.answer.ratio).for_each(|(to, ratio)| *to = *ratio);
@@ -264,11 +227,14 @@ impl Processor for TextureNetwork {
         if let Some(most) = trained.speed_max_mm_s {
             facts.push(Fact::number("trained_speed", most, "mm/s"));
         }
-        facts.push(Fact::count("runs", self.runs));
-        facts.push(Fact::count("reused", self.reused));
-        facts.push(Fact::count("force_out_of_range", self.held.force));
-        facts.push(Fact::count("velocity_out_of_range", self.held.velocity));
-        facts.push(Fact::count("bad_magnitudes", self.held.magnitudes));
+        let [force, velocity, magnitudes] = self.held;
+        facts.extend([
+            Fact::count("runs", self.runs),
+            Fact::count("reused", self.reused),
+            Fact::count("force_out_of_range", force),
+            Fact::count("velocity_out_of_range", velocity),
+            Fact::count("bad_magnitudes", magnitudes),
+        ]);
         facts
     }
 }

@@ -1,11 +1,8 @@
 //! `delay`: the same signal, later. A cycle needs one.
 
-use crate::ports::{Doc, like, like_out, number};
 use std::ops::Range;
 
-use asperity_node::{
-    Descriptor, Diagnostic, Keep, Latency, Node, Prepared, Processor, Setup, Shape, State, Status, Tick, time,
-};
+use crate::prelude::*;
 
 /// Largest number of values of a control that are on their way.
 const MOST_VALUES: u64 = 1 << 24;

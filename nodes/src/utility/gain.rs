@@ -1,11 +1,7 @@
 //! `gain`: a constant factor.
 
-use crate::ports::{Doc, like, like_out, number, text};
+use crate::prelude::*;
 use asperity_dsp::Ramp;
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Node, Ports, Prepared, Processor, Setup, Shape, State, Status, Tick,
-    Unit, UnitSpec,
-};
 
 /// Multiplies a signal by a constant. A new factor is reached in a straight line: over 10 ms, or from one run
 /// to the next where these are further apart.
@@ -25,10 +21,8 @@ impl Node for Gain {
             .input(like("in").doc("what is multiplied"))
             .output(like_out("out").doc("the product"))
             .param(number("gain", 1.0, -1e6..=1e6, "").live().doc("The factor."))
-            .param(
-                text("unit", "")
-                    .doc("Unit of the output, where the factor changes it; empty keeps the input's."),
-            )
+            .param(text("unit", ""))
+            .doc("Unit of the output, where the factor changes it; empty keeps the input's.")
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

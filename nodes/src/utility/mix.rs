@@ -1,10 +1,6 @@
 //! `mix`: a weighted sum.
 
-use crate::ports::{Doc, integer, like_out};
-use asperity_node::{
-    Config, Descriptor, Diagnostic, Input, Node, Param, Ports, Prepared, Processor, Setup, Shape, ShapeSpec,
-    Status, Tick, Unit,
-};
+use crate::prelude::*;
 
 /// Adds signals of one type.
 pub struct Mix {
@@ -75,6 +71,4 @@ impl Processor for Mix {
         }
         Status::Continue
     }
-
-    fn reset(&mut self) {}
 }

@@ -5,7 +5,7 @@ use crate::space::Form as ShapeForm;
 use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_graph::Setting;
-use asperity_node::{Acts, Descriptor, Effect, ShapeSpec};
+use asperity_node::{Acts, Effect, ShapeSpec};
 
 use crate::lower::builder::{Builder, handed_on, number, setting, slot_port};
 
@@ -109,7 +109,8 @@ impl Builder<'_> {
             }
         }
         let mut last = "phase";
-        if answers_spectra(phase) {
+        // An overlap-add makes a signal of spectra.
+        if phase.outputs.iter().any(|output| matches!(output.shape, ShapeSpec::Spectrum(_))) {
             self.node("synthesis", "overlap_add", &here, Vec::new());
             self.wire(last, "synthesis");
             last = "synthesis";
@@ -168,15 +169,11 @@ impl Builder<'_> {
 
     /// Whether no crossfade can happen: only one surface has such textures, and it has one face.
     fn is_one_voice_enough(&self) -> bool {
-        let has_textures = |effects: &crate::Effects| effects.named.iter().any(|named| named.texture);
+        let voiced = |named: &crate::Named| named.texture && named.kind != NETWORK;
+        let has_textures = |effects: &crate::Effects| effects.named.iter().any(voiced);
         let mut voiced = self.scene.surfaces.iter().filter(|s| has_textures(&s.effects));
         let one_face = |form: &ShapeForm| !matches!(form, ShapeForm::Box { .. } | ShapeForm::Sphere { .. });
         let alone = voiced.next().is_none_or(|s| one_face(s.surface.shape.form())) && voiced.next().is_none();
         alone && self.prune
     }
-}
-
-/// Whether a kind of phase retrieval answers spectra. An overlap-add then makes a signal of them.
-fn answers_spectra(descriptor: &Descriptor) -> bool {
-    descriptor.outputs.iter().any(|output| matches!(output.shape, ShapeSpec::Spectrum(_)))
 }

@@ -1,12 +1,13 @@
 //! Builds a graph from nodes and wires, one after the other.
 
-use asperity_diagnostics::ron::{Kind as Form, Value};
+use asperity_diagnostics::ron::{Key, Kind as Form, Value};
 use asperity_diagnostics::{Diagnostic, Place, Span, one_of};
 use asperity_graph::{Endpoint, GraphFile, NodeDecl, Setting, WireDecl};
 use asperity_node::{Acts, Descriptor, Effect, Registry};
 
 use crate::effects::effect_of;
 use crate::passivity::vibrates;
+use crate::read::error;
 use crate::slots::effects_in_order;
 use crate::{EffectNames, NETWORK, Part, Scene, Slots};
 use crate::{Lowered, Lowering, Rendered};
@@ -46,19 +47,18 @@ impl<'a> Builder<'a> {
         if !self.graph.nodes.iter().any(|node| sink(&node.kind)) {
             let surface = self.scene.surfaces.first();
             let place = surface.map_or_else(|| self.here(), |surface| surface.place.clone());
-            let vibrates = |of: &Of<'_>| of.kind == NETWORK || self.vibrates(of.kind);
-            let (message, help) = if self.effects.iter().any(|of| self.is_built(of.kind) && vibrates(of)) {
+            let sounds = |of: &Of<'_>| self.is_built(of.kind) && self.vibrates(of.kind);
+            let (message, help) = if self.effects.iter().any(sounds) {
                 ("this scene vibrates, and nothing plays it", "output: audio_out")
             } else {
                 ("no surface of this scene can be felt", "effects: (stiffness: (stiffness_n_per_mm: 0.5))")
             };
-            return Err(Diagnostic::new(message).at(&place.source, place.span).help(help));
+            return Err(error(&place, message).help(help));
         }
         let Self { graph, effects, registry, .. } = self;
         let rendered = effects.into_iter().map(|Of { kind, mut nodes, .. }| {
             nodes.retain(|id| graph.node(id).is_some());
-            let acts = effect_of(registry, kind).map(|effect| effect.acts);
-            let texture = kind == NETWORK || acts == Some(Acts::Gliding);
+            let texture = effect_of(registry, kind).is_some_and(|effect| effect.acts == Acts::Gliding);
             Rendered { kind: kind.to_owned(), texture, nodes }
         });
         Ok(Lowered { rendered: rendered.collect(), graph })
@@ -69,14 +69,11 @@ impl<'a> Builder<'a> {
         self.slots(kind).is_some_and(|slots| !self.prune || !slots.first.is_empty())
     }
 
-    /// Effects to build that act in a given way, in their order.
+    /// Effects to build that act in a given way and have a node of their own, in their order.
     pub(crate) fn acting(&self, acts: Acts) -> Vec<(&'a str, &'a Effect)> {
-        let of = |built: &Of<'a>| {
-            effect_of(self.registry, built.kind)
-                .filter(|effect| effect.acts == acts)
-                .map(|effect| (built.kind, effect))
-        };
-        self.effects.iter().filter(|of| self.is_built(of.kind)).filter_map(of).collect()
+        let built = self.effects.iter().filter(|of| of.kind != NETWORK && self.is_built(of.kind));
+        let effects = built.filter_map(|of| Some((of.kind, effect_of(self.registry, of.kind)?)));
+        effects.filter(|(_, effect)| effect.acts == acts).collect()
     }
 
     /// Names of the effects to build, as the `contact` node takes them.
@@ -108,8 +105,7 @@ impl<'a> Builder<'a> {
     pub(crate) fn first_place(&self, kind: &str) -> Place {
         let first = self.slots(kind).and_then(|slots| slots.first.first());
         let surface = first.and_then(|first| self.scene.surfaces.get(*first));
-        let place = surface.and_then(|surface| surface.effects.places(kind).into_iter().next());
-        place.unwrap_or_else(|| self.here())
+        surface.and_then(|surface| surface.effects.place(kind)).unwrap_or_else(|| self.here())
     }
 
     /// Adds a node.
@@ -141,8 +137,7 @@ impl<'a> Builder<'a> {
             };
             Endpoint { node: node.to_owned(), port, place: place.clone() }
         };
-        let wire = WireDecl { from: end(from), to: end(to) };
-        self.graph.wires.push(wire);
+        self.graph.wires.push(WireDecl { from: end(from), to: end(to) });
     }
 
     /// Adds a `mix` that sums several outputs. A single output gets a `mix` too, so that samples do not
@@ -166,17 +161,9 @@ impl<'a> Builder<'a> {
     pub(crate) fn descriptor(&self, kind: &str, place: &Place) -> Result<&'a Descriptor, Diagnostic> {
         match self.registry.get(kind) {
             Some(found) => Ok(found.descriptor()),
-            None => Err(Diagnostic::new(format!("there is no node of the kind `{kind}`"))
-                .at(&place.source, place.span)
+            None => Err(error(place, format!("there is no node of the kind `{kind}`"))
                 .help(one_of(kind, self.registry.names()))),
         }
-    }
-
-    /// Lists a kind's slots, as its node takes them. Each text has its place in the scene.
-    pub(crate) fn list(&self, kind: &str, effect: &Effect) -> Setting {
-        let texts = self.slots(kind).map_or_else(Vec::new, |slots| self.scene.slot_texts(kind, slots));
-        let items = texts.into_iter().map(|(text, place)| Value::made(Form::Text(text), &place)).collect();
-        setting(&effect.list, Form::List(items), &self.first_place(kind))
     }
 
     /// Adds the node of an effect. If `voice` is not empty, the node is that voice of a texture. Its
@@ -184,7 +171,9 @@ impl<'a> Builder<'a> {
     pub(crate) fn effect(&mut self, kind: &str, effect: &Effect, voice: &str) -> String {
         let place = self.first_place(kind);
         let id = if voice.is_empty() { kind.to_owned() } else { format!("{kind} {voice}") };
-        let mut params = vec![self.list(kind, effect)];
+        let slots = self.slots(kind).map_or_else(Vec::new, |slots| self.scene.slot_texts(kind, slots));
+        let texts = slots.into_iter().map(|(text, place)| Value::made(Form::Text(text), &place));
+        let mut params = vec![setting(&effect.list, Form::List(texts.collect()), &place)];
         let device = &self.scene.device;
         let smooths = |descriptor: &Descriptor| descriptor.params.iter().any(|p| p.name == "smooth_hz");
         if device.position_step_mm > 0.0 && self.registry.get(kind).is_some_and(|k| smooths(k.descriptor())) {
@@ -231,19 +220,11 @@ pub(crate) fn setting(name: &str, value: Form, place: &Place) -> Setting {
 
 /// Settings of a part, passed on to its node.
 pub(crate) fn handed_on(part: &Part) -> Vec<Setting> {
-    let place = |key: &asperity_diagnostics::ron::Key, value: &Value| Place {
-        source: value.source().clone(),
-        span: key.span,
+    let setting = |(key, value): &(Key, Value)| {
+        let place = Place { source: value.source().clone(), span: key.span };
+        Setting { name: key.name.clone(), place, value: value.clone(), typed: None }
     };
-    part.settings
-        .iter()
-        .map(|(key, value)| Setting {
-            name: key.name.clone(),
-            place: place(key, value),
-            value: value.clone(),
-            typed: None,
-        })
-        .collect()
+    part.settings.iter().map(setting).collect()
 }
 
 /// Number that the file sets in a part.

@@ -1,6 +1,7 @@
 //! Motion of the hand, its contact with surfaces, and the forces on it.
 
 use crate::Part;
+use crate::read::error;
 use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::{Kind as Form, Value};
 use asperity_node::{Acts, Role};
@@ -24,9 +25,7 @@ impl Builder<'_> {
             let place = &scene.input.place;
             let message = format!("`{}` does not tell where a stylus is", scene.input.kind);
             let [strokes, hands] = [Role::Stroke, Role::Hand].map(|role| self.kinds(role).join(", "));
-            return Err(Diagnostic::new(message)
-                .at(&place.source, place.span)
-                .help(format!("{strokes}, or a hand: {hands}")));
+            return Err(error(place, message).help(format!("{strokes}, or a hand: {hands}")));
         }
         let strokes = input.outputs.iter().any(|output| output.name == "stroke");
         self.part("motion", &scene.motion)?;
@@ -107,9 +106,7 @@ impl Builder<'_> {
         let descriptor = self.descriptor(&device.kind, &device.place)?;
         if descriptor.role != Some(Role::Force) {
             let message = format!("`{}` is no device that pushes back", device.kind);
-            return Err(Diagnostic::new(message)
-                .at(&device.place.source, device.place.span)
-                .help(self.kinds(Role::Force).join(" or ")));
+            return Err(error(&device.place, message).help(self.kinds(Role::Force).join(" or ")));
         }
         let mut params = handed_on(device);
         let of_scene = &self.scene.device;

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 
 use crate::Part;
+use crate::read::error;
 use asperity_diagnostics::file::irregular;
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_graph::{Setting, check_settings};
@@ -51,10 +52,7 @@ impl Builder<'_> {
     /// Checks a part's settings and answers the descriptor of its kind.
     fn settings(&self, part: &Part) -> Result<&Descriptor, Diagnostic> {
         let descriptor = self.descriptor(&part.kind, &part.place)?;
-        match check_settings(&handed_on(part), descriptor).into_iter().next() {
-            Some(wrong) => Err(wrong),
-            None => Ok(descriptor),
-        }
+        check_settings(&handed_on(part), descriptor).into_iter().next().map_or(Ok(descriptor), Err)
     }
 
     /// Checks the settings of the actuator, which are those of two nodes.
@@ -75,8 +73,7 @@ impl Builder<'_> {
         let Some(unknown) = unknown.first() else { return Ok(()) };
         names.sort_unstable();
         names.dedup();
-        Err(Diagnostic::new(format!("`actuator` has no field `{}`", unknown.name))
-            .at(&unknown.place.source, unknown.place.span)
+        Err(error(&unknown.place, format!("`actuator` has no field `{}`", unknown.name))
             .help(one_of(&unknown.name, names)))
     }
 
@@ -97,10 +94,9 @@ impl Builder<'_> {
                         Ok(meta) => irregular(&meta).map(|what| format!("{} is {what}", file.display())),
                     };
                     if let Some(wrong) = wrong {
-                        let place = &surface.place;
-                        return Err(Diagnostic::new(wrong)
-                            .at(&place.source, place.span)
-                            .help("an effect of this surface is made of it"));
+                        return Err(
+                            error(&surface.place, wrong).help("an effect of this surface is made of it")
+                        );
                     }
                 }
             }
@@ -111,12 +107,10 @@ impl Builder<'_> {
     /// Checks that the library has every material that a surface names, if the scene has a library.
     fn known_materials(&self) -> Result<(), Diagnostic> {
         let mut known = HashSet::new();
-        let mut named = self.scene.surfaces.iter().filter_map(|surface| surface.material.as_ref()).peekable();
-        if named.peek().is_none() {
-            return Ok(());
-        }
-        let Some(library) = self.library() else { return Ok(()) };
-        for material in named.filter(|material| known.insert(material.of.as_str())) {
+        let named = self.scene.surfaces.iter().filter_map(|surface| surface.material.as_ref());
+        let mut named = named.filter(|material| known.insert(material.of.as_str())).peekable();
+        let Some(library) = named.peek().and_then(|_| self.library()) else { return Ok(()) };
+        for material in named {
             let found = library.material(&material.of);
             found.map_err(|e| e.at(&material.place.source, material.place.span))?;
         }
@@ -139,5 +133,5 @@ fn retrieves_phase(descriptor: &Descriptor) -> bool {
 }
 
 fn cannot(part: &Part, what: &str, help: &str) -> Diagnostic {
-    Diagnostic::new(format!("`{}` {what}", part.kind)).at(&part.place.source, part.place.span).help(help)
+    error(&part.place, format!("`{}` {what}", part.kind)).help(help)
 }

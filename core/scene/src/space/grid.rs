@@ -22,12 +22,13 @@ pub struct HeightGrid {
     columns: usize,
     rows: usize,
     step_mm: [f64; 2],
-    repeats: bool,
+    pub(super) repeats: bool,
     /// Length of a stored row: each row includes its neighbours beyond the ends, so that a sample only
     /// reads.
     stride: usize,
     heights: Box<[f32]>,
-    bounds_mm: [f64; 2],
+    /// Lower and upper bound of all heights, also between points.
+    pub(super) bounds_mm: [f64; 2],
 }
 
 impl HeightGrid {
@@ -100,25 +101,10 @@ impl HeightGrid {
         Self::new(field.side(), field.heights().to_vec(), [field.step_mm(); 2], true)
     }
 
-    /// Number of columns and rows.
-    pub fn points(&self) -> [usize; 2] {
-        [self.columns, self.rows]
-    }
-
-    /// Whether it repeats.
-    pub fn repeats(&self) -> bool {
-        self.repeats
-    }
-
     /// Extent along x and y in millimetres: from the first point to the last, or until the grid repeats.
     pub fn extent_mm(&self) -> [f64; 2] {
         let steps = |count: usize| if self.repeats { count } else { count - 1 } as f64;
         [steps(self.columns) * self.step_mm[0], steps(self.rows) * self.step_mm[1]]
-    }
-
-    /// Lower and upper bound in millimetres of all heights, also between points.
-    pub fn bounds_mm(&self) -> [f64; 2] {
-        self.bounds_mm
     }
 
     /// Height in millimetres and slopes at a place, counted from the first point. Beyond the edge of a

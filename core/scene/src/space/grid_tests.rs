@@ -21,7 +21,7 @@ fn sine_keeps_height_and_slopes_between_points_and_at_the_seam() {
     let (columns, rows, step) = (128, 96, [0.05, 0.08]);
     let (a, b) = (TAU / (128.0 * 0.05) * 3.0, TAU / (96.0 * 0.08) * 2.0);
     let waves = grid(columns, rows, step, true, |x, y| 0.3 * (a * x).sin() + 0.1 * (b * y).cos());
-    assert_eq!((waves.points(), waves.repeats()), ([128, 96], true));
+    assert_eq!((waves.columns, waves.rows, waves.repeats), (128, 96, true));
     assert!((waves.extent_mm()[0] - 6.4).abs() < 1e-12 && (waves.extent_mm()[1] - 7.68).abs() < 1e-12);
     for (x, y) in [(0.013, 0.4), (6.39, 3.3), (-7.7, 100.02), (0.0, -0.01), (3.2, 7.679)] {
         let s = waves.sample(x, y);
@@ -74,8 +74,8 @@ fn bounds_hold_where_the_cubic_overshoots_most() {
     let bump = grid(6, 6, [1.0, 1.0], true, |x, y| if high(x) == high(y) { 1.0 } else { -1.0 });
     let top = bump.sample(2.5, 2.5).height_mm;
     assert!((top - 1.5625).abs() < 1e-6, "{top}");
-    assert!(bump.bounds_mm()[0] < -1.5625 && bump.bounds_mm()[0] > -1.5626, "{:?}", bump.bounds_mm());
-    assert!(bump.bounds_mm()[1] > top && bump.bounds_mm()[1] < 1.5626);
+    assert!(bump.bounds_mm[0] < -1.5625 && bump.bounds_mm[0] > -1.5626, "{:?}", bump.bounds_mm);
+    assert!(bump.bounds_mm[1] > top && bump.bounds_mm[1] < 1.5626);
 }
 
 #[test]
@@ -108,7 +108,7 @@ proptest! {
         let heights = (0..columns * rows).map(|_| random.range(-1.0, 1.0) as f32).collect();
         let grid = HeightGrid::new(columns, heights, [0.5, 0.25], repeats).unwrap();
         let [w, h] = grid.extent_mm();
-        let [low, high] = grid.bounds_mm();
+        let [low, high] = grid.bounds_mm;
         // Anywhere, also on the lines between cells.
         for (x, y) in
             [(x * w, y * h), ((x * w / 0.5).round() * 0.5, y * h), (x * w, (y * h / 0.25).round() * 0.25)]

@@ -7,7 +7,7 @@ use super::tree::{Best, Tree};
 use super::{Hold, Surface, Touch, WORLD_MM};
 
 /// Largest number of entries in an index.
-pub const MOST_ENTRIES: usize = 1 << 20;
+const MOST_ENTRIES: usize = 1 << 20;
 
 /// Least depth in millimetres at which a point touches. It is more than rounding, so that a stylus in
 /// many planes at once touches none.
@@ -15,48 +15,46 @@ const TOUCHED_MM: f64 = 1e-6;
 
 /// A surface of an index.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Entry {
-    /// The surface.
-    pub surface: Surface,
+pub(crate) struct Entry {
+    pub(crate) surface: Surface,
     /// Distance outside from which it is felt, in millimetres; 0 if it is felt by touch alone.
-    pub reach_mm: f64,
+    pub(crate) reach_mm: f64,
 }
 
 /// Surface that a point touches, or is near to.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Contact {
-    /// Number of the entry.
-    pub entry: u32,
-    /// Place and direction of the touch.
-    pub touch: Touch,
+pub(crate) struct Contact {
+    /// Number of the entry: its place in the list.
+    pub(crate) entry: u32,
+    pub(crate) touch: Touch,
 }
 
 impl Contact {
     /// Memory for the next tick.
-    pub fn hold(&self) -> Hold {
+    pub(crate) fn hold(&self) -> Hold {
         Hold { entry: self.entry, feature: self.touch.feature }
     }
 }
 
 /// Surfaces by number, and a search among them that takes as long for many as for one.
 #[derive(Clone, Debug)]
-pub struct Index {
+pub(crate) struct Index {
     entries: Vec<Entry>,
     hysteresis_mm: f64,
-    /// All surfaces.
-    touched: Tree,
-    /// The surfaces with a reach.
-    reaching: Tree,
+    tree: Tree,
+    /// Least depth at which any of them is felt.
+    least_mm: f64,
+}
+
+/// Depth from which on a surface is felt.
+pub(super) fn felt(entry: &Entry) -> f64 {
+    if entry.reach_mm > 0.0 { -entry.reach_mm } else { TOUCHED_MM }
 }
 
 impl Index {
-    /// Makes an index over entries. The number of an entry is its place in the list. Another surface
-    /// takes over from the held one if it is deeper by more than `hysteresis_mm`. Another face of a box
-    /// takes over if it is nearer by more than that.
-    ///
-    /// # Errors
-    /// There are more than [`MOST_ENTRIES`]. A reach or the hysteresis is not from 0 to [`WORLD_MM`].
-    pub fn new(entries: Vec<Entry>, hysteresis_mm: f64) -> Result<Self, Diagnostic> {
+    /// Makes an index over entries. Another surface takes over from the held one if it is deeper by more than
+    /// `hysteresis_mm`, and another face of a box if it is nearer by more than that.
+    pub(crate) fn new(entries: Vec<Entry>, hysteresis_mm: f64) -> Result<Self, Diagnostic> {
         let refused = |what: String, most: String| Err(Diagnostic::new(what).help(most));
         if entries.len() > MOST_ENTRIES {
             return refused(format!("{} surfaces", entries.len()), format!("at most {MOST_ENTRIES}"));
@@ -69,77 +67,47 @@ impl Index {
         if let Some((number, reach)) = reaches.find(|(_, reach)| !range.contains(reach)) {
             return refused(format!("surface {number} reaches {reach} mm"), world);
         }
-        let (touched, reaching) = (Tree::new(&entries, false), Tree::new(&entries, true));
-        Ok(Self { entries, hysteresis_mm, touched, reaching })
+        let least_mm = if entries.iter().any(|entry| entry.reach_mm > 0.0) { f64::MIN } else { TOUCHED_MM };
+        Ok(Self { tree: Tree::new(&entries), entries, hysteresis_mm, least_mm })
     }
 
-    /// The entries.
-    pub fn entries(&self) -> &[Entry] {
+    pub(crate) fn entries(&self) -> &[Entry] {
         &self.entries
     }
 
-    /// Depth in millimetres by which another surface must exceed the held one to take over.
-    pub fn hysteresis_mm(&self) -> f64 {
-        self.hysteresis_mm
+    /// Size of the search tree in bytes, without the entries.
+    pub(crate) fn bytes(&self) -> usize {
+        self.tree.bytes()
     }
 
-    /// Size of the search trees in bytes, without the entries.
-    pub fn bytes(&self) -> usize {
-        self.touched.bytes() + self.reaching.bytes()
-    }
-
-    /// Finds the surface that a point of the world touches. The held one stays while it is still touched
-    /// and no other is deeper by more than the hysteresis. Else the answer is the deepest, or `None`.
+    /// Finds the surface that a point of the world touches, or is within reach of: the deepest, else the
+    /// nearest. The held one stays while it is still felt and no other is deeper by more than the hysteresis;
+    /// one that is not touched gives way to any that is.
     ///
     /// Depths are compared in steps of 1/8192 mm. Among equals the lowest number wins. `last` comes from
     /// [`Contact::hold`] of the tick before. An entry that does not exist counts as none. Nothing is
     /// allocated.
-    pub fn deepest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
-        self.search(&self.touched, point_mm, last, TOUCHED_MM, |_| TOUCHED_MM)
-    }
-
-    /// Counts the nodes and surfaces that [`deepest`](Self::deepest) looks at, as a measure of its cost.
-    #[cfg(test)]
-    fn looks(&self, point_mm: [f64; 3], last: Option<Hold>) -> u32 {
-        let mut best = self.best(point_mm, last, TOUCHED_MM, |_| TOUCHED_MM).1;
-        self.touched.search(point_mm, &self.entries, &mut best, |_| TOUCHED_MM);
-        best.looks
-    }
-
-    /// Finds the same over entries with a reach, as far as they reach: the deepest that is touched, else
-    /// the nearest. A held surface that is not touched gives way to any that is.
-    pub fn nearest(&self, point_mm: [f64; 3], last: Option<Hold>) -> Option<Contact> {
-        self.search(&self.reaching, point_mm, last, f64::MIN, |e| {
-            if e.reach_mm > 0.0 { -e.reach_mm } else { f64::INFINITY }
-        })
-    }
-
-    fn search(
-        &self,
-        tree: &Tree,
-        point: [f64; 3],
-        last: Option<Hold>,
-        least: f64,
-        felt: fn(&Entry) -> f64,
-    ) -> Option<Contact> {
+    pub(crate) fn find(&self, point: [f64; 3], last: Option<Hold>) -> Option<Contact> {
         if !near(point) {
             return None;
         }
-        let (held, mut best) = self.best(point, last, least, felt);
-        tree.search(point, &self.entries, &mut best, felt);
+        let (held, mut best) = self.best(point, last);
+        self.tree.search(point, &self.entries, &mut best);
         let Some(found) = best.found else { return held };
         let touch = self.entries.get(found as usize)?.surface.touch(point, None, self.hysteresis_mm)?;
         Some(Contact { entry: found, touch })
     }
 
+    /// Counts the nodes and surfaces that [`find`](Self::find) looks at, as a measure of its cost.
+    #[cfg(test)]
+    fn looks(&self, point_mm: [f64; 3], last: Option<Hold>) -> u32 {
+        let mut best = self.best(point_mm, last).1;
+        self.tree.search(point_mm, &self.entries, &mut best);
+        best.looks
+    }
+
     /// The held surface, if it is still felt, and the depth that another needs to take over.
-    fn best(
-        &self,
-        point: [f64; 3],
-        last: Option<Hold>,
-        least: f64,
-        felt: fn(&Entry) -> f64,
-    ) -> (Option<Contact>, Best) {
+    fn best(&self, point: [f64; 3], last: Option<Hold>) -> (Option<Contact>, Best) {
         let held = last.and_then(|hold| {
             let entry = self.entries.get(hold.entry as usize)?;
             let touch = entry.surface.touch(point, Some(hold.feature), self.hysteresis_mm)?;
@@ -151,7 +119,7 @@ impl Index {
                 Best::held((held.touch.depth_mm + self.hysteresis_mm).min(0.0))
             }
             Some(held) => Best::held(held.touch.depth_mm + self.hysteresis_mm),
-            None => Best::nothing(least),
+            None => Best::nothing(self.least_mm),
         };
         (held, best)
     }

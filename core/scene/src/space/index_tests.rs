@@ -18,14 +18,13 @@ fn sheet(size: f64, thickness: f64) -> Shape {
 }
 
 /// Answers as the index must, by brute force over every entry.
-fn brute_force(index: &Index, point: [f64; 3], last: Option<Hold>, reaching: bool) -> Option<Hold> {
+fn brute_force(index: &Index, point: [f64; 3], last: Option<Hold>) -> Option<Hold> {
     let step = |depth: f64| (depth * 8192.0).floor();
-    let felt = |entry: &Entry, depth: f64| match (reaching, entry.reach_mm) {
-        (false, _) => depth >= 1e-6,
-        (true, 0.0) => false,
-        (true, reach) => depth >= -reach,
+    let felt = |entry: &Entry, depth: f64| match entry.reach_mm {
+        0.0 => depth >= 1e-6,
+        reach => depth >= -reach,
     };
-    let h = index.hysteresis_mm();
+    let h = index.hysteresis_mm;
     let held = last.and_then(|hold| {
         let entry = index.entries().get(hold.entry as usize)?;
         let touch = entry.surface.touch(point, Some(hold.feature), h)?;
@@ -114,37 +113,34 @@ proptest! {
         hysteresis in prop_oneof![Just(0.0), Just(0.1), Just(1.0)],
         step in prop_oneof![Just(0.01), Just(0.3), Just(3.0)],
         away in prop_oneof![Just(0.0), Just(9e4)],
+        reaching in 0..3usize,
     ) {
         let mut random = Random::new(seed);
         let mut entries = scene(&mut random, count, room, turns);
-        // Also where floating-point numbers are coarse.
-        entries.iter_mut().for_each(|e| e.surface.pose = e.surface.pose.moved([away, -away, away]));
+        for entry in &mut entries {
+            // Also where floating-point numbers are coarse.
+            entry.surface.pose = entry.surface.pose.moved([away, -away, away]);
+            // None, some or all reach beyond themselves.
+            entry.reach_mm = [0.0, entry.reach_mm, entry.reach_mm + 0.1][reaching];
+        }
         let index = Index::new(entries, hysteresis).unwrap();
         let mut point = [0.0; 3].map(|_: f64| random.range(-room - 5.0, room + 5.0));
-        let (mut touched, mut near) = (None, None);
+        let mut held = None;
         for tick in 0..150 {
             // Also exactly on planes, edges and middles.
             let asked = if tick % 10 == 9 { point.map(f64::round) } else { point };
             let asked = [asked[0] + away, asked[1] - away, asked[2] + away];
-            let found = index.deepest(asked, touched);
-            prop_assert_eq!(
-                found.map(|f| f.hold()),
-                brute_force(&index, asked, touched, false),
-                "{:?}",
-                asked
-            );
+            let found = index.find(asked, held);
+            prop_assert_eq!(found.map(|f| f.hold()), brute_force(&index, asked, held), "{:?}", asked);
             if let Some(found) = found {
                 let surface = &index.entries()[found.entry as usize].surface;
-                let last = touched.filter(|l: &Hold| l.entry == found.entry).map(|l| l.feature);
+                let last = held.filter(|l: &Hold| l.entry == found.entry).map(|l| l.feature);
                 prop_assert_eq!(Some(found.touch), surface.touch(asked, last, hysteresis));
             }
-            touched = found.map(|f| f.hold());
-            let found = index.nearest(asked, near).map(|f| f.hold());
-            prop_assert_eq!(found, brute_force(&index, asked, near, true), "{:?}", asked);
-            near = found;
+            held = found.map(|f| f.hold());
             if tick % 40 == 39 {
                 // A hold from anywhere.
-                touched = Some(Hold {
+                held = Some(Hold {
                     entry: random.below(count + 2) as u32,
                     feature: random.below(8) as u8,
                 });
@@ -157,32 +153,37 @@ proptest! {
 #[test]
 fn nearest_in_reach_is_found_and_a_touched_one_goes_first() {
     let ball = |x, reach_mm| Entry { reach_mm, ..flat(Shape::sphere(2.0).unwrap(), [x, 0.0, 0.0]) };
-    let index = Index::new(vec![ball(0.0, 3.0), ball(10.0, 5.0), ball(5.0, 0.0)], 0.5).unwrap();
+    let index = Index::new(vec![ball(0.0, 3.0), ball(10.0, 5.0), ball(-5.0, 0.0)], 0.5).unwrap();
     let near = |x, last: Option<u32>| {
-        let found = index.nearest([x, 0.0, 0.0], last.map(|entry| Hold { entry, feature: 0 }))?;
+        let found = index.find([x, 0.0, 0.0], last.map(|entry| Hold { entry, feature: 0 }))?;
         Some((found.entry, (found.touch.depth_mm * 10.0).round() / 10.0))
     };
-    assert_eq!(near(4.0, None), Some((0, -2.0)), "within one that does not reach");
+    assert_eq!(near(4.0, None), Some((0, -2.0)));
+    assert_eq!(
+        [near(-4.0, None), near(-4.0, Some(0))],
+        [Some((2, 1.0)); 2],
+        "touched, though it does not reach"
+    );
     assert_eq!(near(5.2, None), Some((1, -2.8)));
     assert_eq!([near(5.2, Some(0)), near(5.3, Some(0))], [Some((1, -2.8)), Some((1, -2.7))]);
     assert_eq!([near(4.9, Some(0)), near(4.9, Some(1))], [Some((0, -2.9)), Some((1, -3.1))]);
-    assert_eq!([near(1.0, None), near(-5.5, None), near(17.1, None)], [Some((0, 1.0)), None, None]);
-    assert_eq!(index.deepest([5.0, 0.0, 0.0], None).unwrap().entry, 2);
+    assert_eq!([near(1.0, None), near(-8.5, None), near(17.1, None)], [Some((0, 1.0)), None, None]);
 }
 
 #[test]
 fn no_surfaces_and_no_point_are_no_contact() {
     let empty = Index::new(vec![], 0.1).unwrap();
-    assert_eq!((empty.deepest([0.0; 3], None), empty.nearest([0.0; 3], None)), (None, None));
+    assert_eq!(empty.find([0.0; 3], None), None);
     let hold = Some(Hold { entry: 0, feature: 0 });
-    let plane = Index::new(vec![Entry { reach_mm: 1.0, ..flat(Shape::plane(), [0.0; 3]) }], 0.1).unwrap();
-    for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, -2e6] {
-        for point in [[bad, 0.0, -1.0], [0.0, bad, -1.0], [0.0, 0.0, bad]] {
-            assert_eq!((plane.deepest(point, None), plane.deepest(point, hold)), (None, None), "{point:?}");
-            assert_eq!(plane.nearest(point, hold), None);
+    for reach_mm in [0.0, 1.0] {
+        let plane = Index::new(vec![Entry { reach_mm, ..flat(Shape::plane(), [0.0; 3]) }], 0.1).unwrap();
+        for bad in [f64::NAN, f64::INFINITY, -f64::INFINITY, 1e300, -2e6] {
+            for point in [[bad, 0.0, -1.0], [0.0, bad, -1.0], [0.0, 0.0, bad]] {
+                assert_eq!((plane.find(point, None), plane.find(point, hold)), (None, None), "{point:?}");
+            }
         }
+        assert_eq!(plane.find([0.0; 3], None).is_some(), reach_mm > 0.0, "on the surface is not in it");
     }
-    assert_eq!(plane.deepest([0.0; 3], None), None, "on the surface is not in it");
 }
 
 #[test]
@@ -243,7 +244,7 @@ fn tick_looks_at_few_of_10000_surfaces() {
                 let t = f64::from(tick) * 0.002;
                 let point = [9.0 * (3.1 * t).sin(), 9.0 * (1.7 * t).cos(), 1.5 * (6.1 * t).sin()];
                 greatest = greatest.max(index.looks(point, hold));
-                hold = index.deepest(point, hold).map(|c| c.hold());
+                hold = index.find(point, hold).map(|c| c.hold());
             }
             // A box says little of how deep a point lies under one of many turned sheets on one spot.
             let most = if name == "rectangles on one spot" { 600 } else { 60 };
@@ -265,8 +266,8 @@ fn clusters_at_every_scale_are_found() {
         let index = Index::new(entries, 0.0).unwrap();
         for place in places.iter().step_by(places.len().div_ceil(200)) {
             let point = [place[0] + 5e-4, place[1], place[2]];
-            let found = index.deepest(point, None).map(|c| c.hold());
-            assert_eq!(found, brute_force(&index, point, None, false), "{point:?}");
+            let found = index.find(point, None).map(|c| c.hold());
+            assert_eq!(found, brute_force(&index, point, None), "{point:?}");
             assert!(found.is_some());
         }
     }

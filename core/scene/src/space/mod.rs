@@ -5,9 +5,9 @@
 //! place. The place is in coordinates of the surface, so that a texture does not move against it. Lengths
 //! are in mm.
 //!
-//! An [`Index`] over many surfaces says which of them a point touches. That is the deepest, and a held
+//! An index over many surfaces says which of them a point touches. That is the deepest, and a held
 //! surface stays until another is deeper by a hysteresis. All memory from tick to tick is the caller's
-//! [`Hold`]. The index answers exactly as a look at every surface would, from wherever the point came.
+//! hold. The index answers exactly as a look at every surface would, from wherever the point came.
 //!
 //! # One-sided shapes
 //!
@@ -37,8 +37,10 @@ mod tree;
 mod vector;
 
 pub use grid::{HeightGrid, MOST_POINTS};
-pub use index::{Contact, Entry, Index, MOST_ENTRIES};
+pub(crate) use index::{Contact, Entry, Index};
 pub use pose::{Pose, WORLD_MM};
 pub use shape::{Form, LEAST_MM, Relief, Shape};
 pub use surface::Surface;
-pub use touch::{Hold, Touch};
+pub(crate) use touch::Hold;
+pub use touch::Touch;
+pub(crate) use vector::dot;

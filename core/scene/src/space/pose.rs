@@ -39,13 +39,11 @@ impl Pose {
     /// The place is not within [`WORLD_MM`] of the middle along each axis. A turn is not a number, or
     /// beyond 3600 degrees.
     pub fn new(place_mm: [f64; 3], turn_deg: [f64; 3]) -> Result<Self, Diagnostic> {
-        for (axis, at) in ["x", "y", "z"].into_iter().zip(place_mm) {
+        for (axis, (at, by)) in ["x", "y", "z"].into_iter().zip(place_mm.into_iter().zip(turn_deg)) {
             if !(-WORLD_MM..=WORLD_MM).contains(&at) {
                 return Err(Diagnostic::new(format!("a place at {axis} = {at} mm"))
                     .help(format!("a number from -{WORLD_MM} to {WORLD_MM} mm")));
             }
-        }
-        for (axis, by) in ["x", "y", "z"].into_iter().zip(turn_deg) {
             if !(-3600.0..=3600.0).contains(&by) {
                 return Err(Diagnostic::new(format!("a turn of {by} degrees about {axis}"))
                     .help("degrees from -3600 to 3600, about x, then y, then z"));

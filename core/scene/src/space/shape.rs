@@ -117,10 +117,7 @@ impl Shape {
     /// # Errors
     /// The radius is not from [`LEAST_MM`] to [`WORLD_MM`].
     pub fn sphere(radius_mm: f64) -> Result<Self, Diagnostic> {
-        if !(LEAST_MM..=WORLD_MM).contains(&radius_mm) {
-            return Err(Diagnostic::new(format!("a sphere of radius {radius_mm} mm"))
-                .help(format!("a radius from {LEAST_MM} to {WORLD_MM} mm")));
-        }
+        within(radius_mm, format!("a sphere of radius {radius_mm} mm"), "")?;
         Ok(Self(Form::Sphere { radius_mm }))
     }
 
@@ -152,7 +149,7 @@ impl Shape {
         let size_mm = size_mm.unwrap_or(extent);
         for (axis, (size, extent)) in ["x", "y"].into_iter().zip(size_mm.into_iter().zip(extent)) {
             length("a relief", axis, size)?;
-            if !grid.repeats() && size > extent * (1.0 + 1e-9) {
+            if !grid.repeats && size > extent * (1.0 + 1e-9) {
                 return Err(Diagnostic::new(format!(
                     "a relief of {size} mm along {axis} over heights that end after {extent} mm"
                 ))
@@ -160,7 +157,7 @@ impl Shape {
             }
         }
         thickness("a relief", thickness_mm)?;
-        let [low, high] = grid.bounds_mm().map(|h| h * scale);
+        let [low, high] = grid.bounds_mm.map(|h| h * scale);
         if !(low.abs() <= WORLD_MM && high.abs() <= WORLD_MM) {
             return Err(Diagnostic::new(format!("heights times {scale}"))
                 .help(format!("a number that leaves heights within {WORLD_MM} mm")));
@@ -228,17 +225,16 @@ fn edge([x, y]: [f64; 2], z: f64) -> f64 {
 }
 
 fn length(what: &str, axis: &str, size: f64) -> Result<(), Diagnostic> {
-    if (LEAST_MM..=WORLD_MM).contains(&size) {
-        return Ok(());
-    }
-    Err(Diagnostic::new(format!("{what} of {size} mm along {axis}"))
-        .help(format!("from {LEAST_MM} to {WORLD_MM} mm; endless is `plane`")))
+    within(size, format!("{what} of {size} mm along {axis}"), "; endless is `plane`")
 }
 
 fn thickness(what: &str, thickness_mm: f64) -> Result<(), Diagnostic> {
-    if (LEAST_MM..=WORLD_MM).contains(&thickness_mm) {
+    within(thickness_mm, format!("{what} {thickness_mm} mm thick"), ": below it nothing is felt")
+}
+
+fn within(size: f64, what: String, hint: &str) -> Result<(), Diagnostic> {
+    if (LEAST_MM..=WORLD_MM).contains(&size) {
         return Ok(());
     }
-    Err(Diagnostic::new(format!("{what} {thickness_mm} mm thick"))
-        .help(format!("from {LEAST_MM} to {WORLD_MM} mm: below it nothing is felt")))
+    Err(Diagnostic::new(what).help(format!("from {LEAST_MM} to {WORLD_MM} mm{hint}")))
 }

@@ -36,11 +36,10 @@ pub struct Touch {
 
 /// Held surface and its face: the memory that a caller keeps from tick to tick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Hold {
-    /// Number of the entry.
-    pub entry: u32,
+pub(crate) struct Hold {
+    pub(crate) entry: u32,
     /// Number of the face.
-    pub feature: u8,
+    pub(crate) feature: u8,
 }
 
 impl Keep for Hold {

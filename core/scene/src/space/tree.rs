@@ -1,6 +1,6 @@
 //! A tree of boxes over surfaces, and the search for the deepest of them.
 
-use super::index::Entry;
+use super::index::{Entry, felt};
 use super::shape::Form;
 use super::vector::{Vector, dot, least, most};
 
@@ -75,7 +75,7 @@ struct Bounds {
 
 impl Bounds {
     /// Bounds of one surface; `None` for an endless plane.
-    fn of(number: u32, entry: &Entry, reach: f64) -> Option<Self> {
+    fn of(number: u32, entry: &Entry) -> Option<Self> {
         let pose = &entry.surface.pose;
         let sheet = |[x, y]: [f64; 2], low: f64, high: f64, thickness: f64| {
             ([-0.5 * x, -0.5 * y, low - thickness], [0.5 * x, 0.5 * y, high], thickness, false)
@@ -106,7 +106,7 @@ impl Bounds {
             solid,
             centres: round.then_some([pose.place_mm(); 2]),
             most: depth + SLACK_MM,
-            reach,
+            reach: entry.reach_mm,
             lowest: number,
         })
     }
@@ -189,16 +189,13 @@ pub(super) struct Tree {
 }
 
 impl Tree {
-    /// Builds a tree over all entries, or over those with a reach.
-    pub(super) fn new(entries: &[Entry], reaching: bool) -> Self {
+    pub(super) fn new(entries: &[Entry]) -> Self {
         let mut tree = Self::default();
         let mut all = Vec::new();
         for (number, entry) in (0..).zip(entries) {
-            if !reaching || entry.reach_mm > 0.0 {
-                match Bounds::of(number, entry, if reaching { entry.reach_mm } else { 0.0 }) {
-                    Some(bounds) => all.push(bounds),
-                    None => tree.planes.push(number),
-                }
+            match Bounds::of(number, entry) {
+                Some(bounds) => all.push(bounds),
+                None => tree.planes.push(number),
             }
         }
         if let Some(root) = tree.node(&all) {
@@ -239,9 +236,8 @@ impl Tree {
         self.split(first + 1, right);
     }
 
-    /// Improves the best by the surfaces of the tree. `felt` is the depth that an entry needs to be felt
-    /// at all.
-    pub(super) fn search(&self, point: Vector, entries: &[Entry], best: &mut Best, felt: fn(&Entry) -> f64) {
+    /// Improves the best by the surfaces of the tree.
+    pub(super) fn search(&self, point: Vector, entries: &[Entry], best: &mut Best) {
         let look = |numbers: &[u32], best: &mut Best| {
             for &number in numbers {
                 let Some(entry) = entries.get(number as usize) else { continue };

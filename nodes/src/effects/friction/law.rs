@@ -37,7 +37,7 @@
 //! so no tick is too long. Along it `F v` rises, or falls to a limit that takes energy. A call returns the
 //! force at the tick's end. So this force takes at least the energy that the exact one takes.
 
-use asperity_node::Law;
+use crate::prelude::*;
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
@@ -266,10 +266,7 @@ impl Voice for Rubbing {
     /// Bend of the bristle.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.bent_mm);
-        if state.restores() && !self.bent_mm.iter().all(|z| z.abs() < 1e12) {
-            self.reset();
-            state.refuse();
-        }
+        state.require(self.bent_mm.iter().all(|z| z.abs() < 1e12));
     }
 }
 

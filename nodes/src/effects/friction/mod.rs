@@ -4,16 +4,12 @@ mod law;
 #[cfg(test)]
 mod stick_slip_tests;
 
-use crate::ports::{Doc, MM_S, N, ONE, control, number, texts};
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Direction, Effect, Fact, Form, Law, Node, Prepared, Processor, Settings,
-    Setup, State, Status, Tick,
-};
+use crate::prelude::*;
 
 pub(super) use law::{LuGreSettings, Rubbing, VISCOSITY_S_PER_MM};
 
 use super::voices::Voices;
-use super::{each, let_go, put, slot, vector};
+use super::{Renders, each, let_go, put, slot, vector};
 
 const SLOT: usize = 0;
 const VELOCITY: usize = 1;
@@ -81,14 +77,11 @@ fn effect() -> Effect {
     )
     .field(coefficient("static_coefficient", usual.static_coefficient))
     .field(coefficient("kinetic_coefficient", usual.kinetic_coefficient))
-    .field(
-        number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.01..=1000.0, "mm/s").doc("where it slips"),
-    )
+    .field(number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.01..=1000.0, "mm/s"))
+    .doc("where it slips")
     .field(bristle(usual.bristle_stiffness_n_per_mm))
-    .field(
-        number("bristle_damping_ns_per_m", usual.bristle_damping_ns_per_m, 0.0..=1000.0, "N s/m")
-            .doc("damping of what sticks"),
-    )
+    .field(number("bristle_damping_ns_per_m", usual.bristle_damping_ns_per_m, 0.0..=1000.0, "N s/m"))
+    .doc("damping of what sticks")
     .field(viscosity(usual.viscosity_s_per_mm));
     Effect::new("laws", Acts::Touching)
         .form(viscous_coulomb)
@@ -110,22 +103,15 @@ impl Node for Friction {
             "Force against the motion along a surface, by the law of the one that is touched.",
         )
         .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
-        .input(
-            control("velocity", 2, MM_S).doc(
-                "along the two tangents, as it is: behind a low-pass friction drives what it should brake",
-            ),
-        )
+        .input(control("velocity", 2, MM_S))
+        .doc("along the two tangents, as it is: behind a low-pass friction drives what it should brake")
         .input(control("force", 1, N).doc("normal force"))
         .input(control("tangents", 6, ONE).or(0.0).doc(
             "two directions along the surface, of length 1: x, y, z of the first, then of the second; \
              unconnected, x and y",
         ))
         .output(super::force("force on the stylus, x, y, z"))
-        .param(texts("laws").doc(
-            "Laws, each a text as behind `friction` in a scene, such as [\"dahl\", \
-             \"viscous_coulomb(coefficient: 0.5)\"].",
-        ))
-        .effect(effect())
+        .renders(effect())
         .timing(
             "no latency: the force of a tick's velocity in that tick; not called while nothing is touched",
         )
@@ -164,10 +150,7 @@ impl Processor for Friction {
     fn state(&mut self, state: &mut State<'_>) {
         self.laws.state(state);
         state.keep(&mut self.tangents);
-        if state.restores() && !self.tangents.as_flattened().iter().all(|x| x.is_finite()) {
-            self.tangents = FLAT;
-            state.refuse();
-        }
+        state.require(self.tangents.as_flattened().iter().all(|x| x.is_finite()));
     }
 
     fn facts(&mut self) -> Vec<Fact> {

@@ -1,4 +1,4 @@
-use super::{Jet, Surface};
+use super::Jet;
 use asperity_surfaces::topography::HeightField;
 
 /// Points along a line that make a height.
@@ -38,9 +38,7 @@ impl HeightSpline {
             field.heights().iter().map(|h| if h.is_finite() { f64::from(*h) } else { 0.0 }).collect();
         all.resize(side * side, 0.0);
         let mut line = vec![0.0; side];
-        for row in all.chunks_exact_mut(side) {
-            prefilter(row);
-        }
+        all.chunks_exact_mut(side).for_each(prefilter);
         for column in 0..side {
             for (to, row) in line.iter_mut().zip(all.chunks_exact(side)) {
                 *to = row[column];
@@ -71,11 +69,10 @@ impl HeightSpline {
         };
         (first, (place - whole as f64).clamp(0.0, 1.0))
     }
-}
 
-impl Surface for HeightSpline {
+    /// Height and derivatives at a position in mm.
     #[inline]
-    fn jet(&self, x_mm: f64, y_mm: f64) -> Jet {
+    pub(crate) fn jet(&self, x_mm: f64, y_mm: f64) -> Jet {
         let per_mm = 1.0 / self.step_mm;
         let ((column, u), (row, v)) = (self.about(x_mm * per_mm), self.about(y_mm * per_mm));
         let (along, across) = (weights(u), weights(v));
@@ -108,7 +105,8 @@ impl Surface for HeightSpline {
         }
     }
 
-    fn spacing_mm(&self) -> f64 {
+    /// Distance of the points in mm.
+    pub(crate) fn step_mm(&self) -> f64 {
         self.step_mm
     }
 }

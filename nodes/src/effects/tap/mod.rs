@@ -2,17 +2,10 @@
 
 mod transient;
 
-use std::path::PathBuf;
-
-use crate::ports::{Doc, MM_S, ONE, control, number, texts};
-use asperity_data::wav::Wav;
+use crate::prelude::*;
 use asperity_diagnostics::ron::Value;
-use asperity_node::{
-    Acts, Descriptor, Diagnostic, Effect, Fact, Form, Latency, Node, Prepared, Processor, Settings, Setup,
-    State, Status, Tick,
-};
 
-use super::{TRIED_HZ, acceleration, files, made, one_each, pick, slot};
+use super::{Renders, Samples, TRIED_HZ, acceleration, files, made, one_each, pick, samples, slot};
 pub(crate) use transient::{DecayingSinusoid, Recording, Sound, TapSettings, Taps, Transient};
 
 const SLOT: usize = 0;
@@ -36,8 +29,6 @@ fn sample(tick: u64, moment: f64, rate_hz: u32, tick_hz: u32) -> (u64, f64) {
     (u64::try_from(whole).unwrap_or(u64::MAX).saturating_add(further as u64), further.fract())
 }
 
-/// Longest recording of a tap in samples: a minute and a half at 48 kHz.
-const MAX_RECORDED: u32 = 1 << 22;
 /// Largest value of a recording.
 const MOST_M_S2: f32 = 1e6;
 
@@ -51,58 +42,25 @@ fn effect() -> Effect {
                 .nested("recording")
                 .field(speed("min_speed_mm_s", usual.min_speed_mm_s, 0.0..=1000.0, "slower is silent"))
                 .field(speed("max_speed_mm_s", usual.max_speed_mm_s, 1.0..=10_000.0, "loudest from here on"))
-                .field(
-                    number("debounce_ms", usual.debounce_ms, 2.0..=1000.0, "ms")
-                        .doc("from one tap to the next"),
-                )
+                .field(number("debounce_ms", usual.debounce_ms, 2.0..=1000.0, "ms"))
+                .doc("from one tap to the next")
                 .field(number("floor_m_s2", usual.floor_m_s2, 1e-6..=1.0, "m/s^2").doc("quieter is over")),
         )
         .needs("approach", "approach")
         .needs("moment", "moment")
-        .check(|settings| match source(settings)? {
-            Source::Sinusoids(all) => {
-                let taps = Sound::new(&Transient::Sinusoids(all), of(settings), TRIED_HZ);
-                made(settings, taps).map(drop)
-            }
-            Source::Recorded { .. } => Ok(()),
-        })
+        .check(|settings| sound(settings, TRIED_HZ, false).map(drop))
 }
 
 /// Conditions under which a tap sounds.
-fn of(settings: &Settings) -> TapSettings {
-    TapSettings {
-        min_speed_mm_s: settings.number("min_speed_mm_s"),
-        max_speed_mm_s: settings.number("max_speed_mm_s"),
-        debounce_ms: settings.number("debounce_ms"),
-        floor_m_s2: settings.number("floor_m_s2"),
+fn of(settings: &Settings) -> Result<TapSettings, Diagnostic> {
+    let [min_speed_mm_s, max_speed_mm_s, debounce_ms, floor_m_s2] =
+        ["min_speed_mm_s", "max_speed_mm_s", "debounce_ms", "floor_m_s2"].map(|name| settings.number(name));
+    if min_speed_mm_s > max_speed_mm_s {
+        return Err(settings.node_error(format!(
+            "`min_speed_mm_s` ({min_speed_mm_s}) must not be larger than `max_speed_mm_s` ({max_speed_mm_s})"
+        )));
     }
-}
-
-/// Sinusoids, or a recording whose file is not read yet.
-enum Source {
-    Sinusoids(Vec<DecayingSinusoid>),
-    Recorded { file: PathBuf, speed_mm_s: f64, full_scale_m_s2: f64, gain: f64 },
-}
-
-fn source(settings: &Settings) -> Result<Source, Diagnostic> {
-    let TapSettings { min_speed_mm_s: least, max_speed_mm_s: most, .. } = of(settings);
-    if least > most {
-        let message = format!("`min_speed_mm_s` ({least}) must not be larger than `max_speed_mm_s` ({most})");
-        return Err(settings.node_error(message));
-    }
-    match (settings.nested("sinusoids"), settings.nested("recording")) {
-        (Some(list), None) => {
-            list.list()?.iter().map(sinusoid).collect::<Result<_, _>>().map(Source::Sinusoids)
-        }
-        (None, Some(value)) => recording(value),
-        (Some(_), Some(second)) => {
-            Err(second.error("a tap has both `sinusoids` and a `recording`").help("leave one of the two out"))
-        }
-        (None, None) => Err(settings.node_error("a tap needs `sinusoids` or a `recording`").help(
-            "sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)], or recording: (file: \"tap.wav\", \
-             speed_mm_s: 100, full_scale_m_s2: 50)",
-        )),
-    }
+    Ok(TapSettings { min_speed_mm_s, max_speed_mm_s, debounce_ms, floor_m_s2 })
 }
 
 fn sinusoid(item: &Value) -> Result<DecayingSinusoid, Diagnostic> {
@@ -116,32 +74,34 @@ fn sinusoid(item: &Value) -> Result<DecayingSinusoid, Diagnostic> {
     Ok(sinusoid)
 }
 
-fn recording(value: &Value) -> Result<Source, Diagnostic> {
-    let mut record = value.record("recording")?;
-    let file = record.required("file")?.path()?;
-    let speed_mm_s = record.required("speed_mm_s")?.f64_in(0.1..=1e4, "mm/s")?;
-    let full_scale_m_s2 = record.required("full_scale_m_s2")?.f64_in(1e-3..=1e5, "m/s^2")?;
-    let gain = record.optional("gain").map_or(Ok(1.0), |gain| gain.f64_in(0.0..=100.0, ""))?;
-    record.finish()?;
-    Ok(Source::Recorded { file, speed_mm_s, full_scale_m_s2, gain })
-}
-
-/// The transient of a slot. A recording is read from its file: of several channels the first.
-fn transient(settings: &Settings) -> Result<Transient, Diagnostic> {
-    match source(settings)? {
-        Source::Sinusoids(sinusoids) => Ok(Transient::Sinusoids(sinusoids)),
-        Source::Recorded { file, speed_mm_s, full_scale_m_s2, gain } => {
-            let wav = Wav::read(&file, MAX_RECORDED)?;
-            let samples: Vec<f32> = wav.channel(0).map(|x| (gain * full_scale_m_s2 * x) as f32).collect();
+/// The transient of a slot. A recording is read from its file; `None` where files are not to be opened.
+fn transient(settings: &Settings, opens: bool) -> Result<Option<Transient>, Diagnostic> {
+    let example = "[(frequency_hz: 200, decay_ms: 10, gain: 30)]";
+    match samples(settings, ("a tap", "sinusoids", example), (1e4, true))? {
+        Samples::Listed(all) => {
+            let sinusoids = all.iter().map(sinusoid).collect::<Result<_, _>>()?;
+            Ok(Some(Transient::Sinusoids(sinusoids)))
+        }
+        Samples::Recorded(_) if !opens => Ok(None),
+        Samples::Recorded(recorded) => {
+            let (rate_hz, samples) = recorded.read()?;
+            let samples: Vec<f32> = samples.into_iter().map(|x| x as f32).collect();
             if let Some(x) = samples.iter().find(|x| !x.is_finite() || x.abs() > MOST_M_S2) {
                 return Err(Diagnostic::new(format!("a tap of {x:e} m/s^2 is out of range"))
-                    .in_file(&file)
+                    .in_file(&recorded.file)
                     .help(format!("up to {MOST_M_S2:e} m/s^2")));
             }
-            let rate_hz = f64::from(wav.rate_hz);
-            Ok(Transient::Recorded(Recording { samples, rate_hz, speed_mm_s }))
+            let speed_mm_s = recorded.speed_mm_s;
+            Ok(Some(Transient::Recorded(Recording { samples, rate_hz, speed_mm_s })))
         }
     }
+}
+
+/// The sound of a slot at an audio rate; `None` as for [`transient`].
+fn sound(settings: &Settings, rate_hz: u32, opens: bool) -> Result<Option<Sound>, Diagnostic> {
+    let of = of(settings)?;
+    let sound = transient(settings, opens)?.map(|transient| Sound::new(&transient, of, rate_hz));
+    made(settings, sound.transpose())
 }
 
 impl Node for Tap {
@@ -152,19 +112,11 @@ impl Node for Tap {
              recorded.",
         )
         .input(slot("which of `taps` is struck, from 0; below 0 none"))
-        .input(
-            control("approach", 1, MM_S)
-                .wakes()
-                .doc("speed of approach in the tick of a contact, 0 in others"),
-        )
+        .input(control("approach", 1, MM_S).wakes())
+        .doc("speed of approach in the tick of a contact, 0 in others")
         .input(control("moment", 1, ONE).or(0.0).doc("the part of the tick at which the contact was, 0 to 1"))
         .output(acceleration().doc("the transients"))
-        .param(
-            texts("taps").doc(
-                "Taps, each a text as behind `tap` in a scene. Quotes within a text are written r#\"..\"#.",
-            ),
-        )
-        .effect(effect())
+        .renders(effect())
         .timing(
             "one tick: a contact sounds as late in the tick after it was as it was in its own; not called \
              while nothing sounds",
@@ -174,7 +126,7 @@ impl Node for Tap {
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let rate_hz = setup.audio_hz;
         let sounds = one_each(setup, |settings| {
-            made(settings, Sound::new(&transient(settings)?, of(settings), rate_hz))
+            sound(settings, rate_hz, true)?.ok_or_else(|| settings.node_error("a tap without a sound"))
         })?;
         let longest = sounds.iter().map(Sound::longest).max().unwrap_or(0);
         let tail = Latency::samples(i64::try_from(longest).unwrap_or(i64::MAX), rate_hz);
@@ -188,7 +140,7 @@ impl Processor for Tap {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         let approach = if tick.inputs.valid(APPROACH) { tick.inputs.value(APPROACH) } else { 0.0 };
         let came = approach > 0.0;
-        if came && let Some(slot) = pick(tick.inputs.value(SLOT), self.taps.slots().len()) {
+        if came && let Some(slot) = pick(tick.inputs.value(SLOT), self.taps.sounds.len()) {
             let (at, part) = sample(tick.index, tick.inputs.value(MOMENT), self.rate_hz, tick.tick_hz);
             self.count += u64::from(self.taps.strike(slot, at, part, approach));
         }
@@ -211,42 +163,9 @@ impl Processor for Tap {
 
     fn facts(&mut self) -> Vec<Fact> {
         vec![
-            Fact::count("slots", self.taps.slots().len() as u64),
+            Fact::count("slots", self.taps.sounds.len() as u64),
             Fact::count("taps", self.count),
-            Fact::count("cut_short", self.taps.cut_short()),
+            Fact::count("cut_short", self.taps.cut_short),
         ]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use asperity_diagnostics::{Source, ron};
-
-    #[test]
-    fn recording_is_scaled_and_read_from_its_first_channel() {
-        let dir = tempfile::tempdir().unwrap();
-        let spec = hound::WavSpec {
-            channels: 2,
-            sample_rate: 8000,
-            bits_per_sample: 16,
-            sample_format: hound::SampleFormat::Int,
-        };
-        let mut writer = hound::WavWriter::create(dir.path().join("tap.wav"), spec).unwrap();
-        [8192_i16, 1, -16_384, 1].iter().for_each(|x| writer.write_sample(*x).unwrap());
-        writer.finalize().unwrap();
-        let settings = |file: &str| {
-            let text = format!(
-                "(recording: (file: \"{file}\", speed_mm_s: 80, full_scale_m_s2: 50, gain: 2), debounce_ms: \
-                 30)"
-            );
-            let value = ron::parse(&Source::new(dir.path().join("g.ron"), text)).unwrap();
-            effect().read("tap", &value).unwrap()
-        };
-        assert_eq!(of(&settings("tap.wav")).debounce_ms, 30.0);
-        let Transient::Recorded(found) = transient(&settings("tap.wav")).unwrap() else { panic!() };
-        assert_eq!((found.samples, found.rate_hz, found.speed_mm_s), (vec![25.0, -50.0], 8000.0, 80.0));
-        let e = transient(&settings("none.wav")).unwrap_err().to_string();
-        assert!(e.contains("none.wav: cannot read this file: No such file"), "{e}");
     }
 }

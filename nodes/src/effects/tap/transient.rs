@@ -202,13 +202,6 @@ impl Voice {
     }
 }
 
-/// The last strike of a slot: a sample, and how far in it.
-#[derive(Clone, Copy, Debug, Default)]
-struct Strike {
-    slot: usize,
-    at: Option<(u64, f64)>,
-}
-
 /// Contact transients of several slots, each scaled by the speed of its approach; they overlap, at most 8 at
 /// full level.
 ///
@@ -219,31 +212,22 @@ struct Strike {
 /// equals, the oldest.
 #[derive(Clone, Debug)]
 pub(crate) struct Taps {
-    sounds: Vec<Sound>,
+    /// The sounds of all slots.
+    pub sounds: Vec<Sound>,
     /// Samples of a fade.
     fade: u32,
     voices: [Voice; VOICES],
-    strikes: [Strike; STRIKES],
-    /// Number of taps that had to make room.
-    cut_short: u64,
+    /// The last strikes: the slot, the sample, and how far in it.
+    strikes: [Option<(usize, (u64, f64))>; STRIKES],
+    /// Number of taps that had to make room for another.
+    pub cut_short: u64,
 }
 
 impl Taps {
     /// Taps of these sounds, which were made for the same rate.
     pub(crate) fn new(sounds: Vec<Sound>, rate_hz: u32) -> Self {
         let fade = (FADE_S * f64::from(rate_hz)).max(1.0) as u32;
-        let (voices, strikes) = ([Voice::default(); VOICES], [Strike::default(); STRIKES]);
-        Self { sounds, fade, voices, strikes, cut_short: 0 }
-    }
-
-    /// The sounds of all slots.
-    pub(crate) fn slots(&self) -> &[Sound] {
-        &self.sounds
-    }
-
-    /// Number of taps that had to make room for another.
-    pub(crate) fn cut_short(&self) -> u64 {
-        self.cut_short
+        Self { sounds, fade, voices: [Voice::default(); VOICES], strikes: [None; STRIKES], cut_short: 0 }
     }
 
     /// Strikes a contact of a slot in sample `sample`, `part` of it (0 to below 1) after its beginning, at a
@@ -257,8 +241,8 @@ impl Taps {
         if !(speed_mm_s.is_finite() && speed_mm_s > 0.0 && speed_mm_s >= settings.min_speed_mm_s) {
             return false;
         }
-        let known = self.strikes.iter().position(|s| s.slot == slot && s.at.is_some());
-        if let Some((last, last_part)) = known.and_then(|i| self.strikes[i].at) {
+        let known = self.strikes.iter().position(|s| s.is_some_and(|(of, _)| of == slot));
+        if let Some((_, (last, last_part))) = known.and_then(|i| self.strikes[i]) {
             let since = sample.saturating_sub(last) as f64 + part - last_part;
             if sample < last || since < sound.debounce {
                 return false;
@@ -273,9 +257,9 @@ impl Taps {
         self.make_room();
         self.voices[free] = voice;
         // The oldest strike is forgotten.
-        let oldest = (0..STRIKES).min_by_key(|i| self.strikes[*i].at.map(|(at, _)| at));
+        let oldest = (0..STRIKES).min_by_key(|i| self.strikes[*i].map(|(_, (at, _))| at));
         if let Some(place) = known.or(oldest) {
-            self.strikes[place] = Strike { slot, at: Some((sample, part)) };
+            self.strikes[place] = Some((slot, (sample, part)));
         }
         true
     }
@@ -324,7 +308,7 @@ impl Taps {
     /// Ends all taps at once, and forgets the last strikes.
     pub(crate) fn reset(&mut self) {
         self.voices = [Voice::default(); VOICES];
-        self.strikes = [Strike::default(); STRIKES];
+        self.strikes = [None; STRIKES];
     }
 
     /// Taps that sound. Taps of another transient continue from them with their own sinusoids. A slot that is
@@ -334,26 +318,18 @@ impl Taps {
             state.keep(&mut v.slot).keep(&mut v.from).keep(&mut v.part).keep(&mut v.next).keep(&mut v.end);
             state.keep(&mut v.speed_m_s).keep(&mut v.fade).keep(&mut v.phasors);
         }
-        for strike in &mut self.strikes {
-            state.keep(&mut strike.slot).keep(&mut strike.at);
+        state.keep(&mut self.strikes);
+        for voice in self.voices.iter_mut().filter(|v| v.slot >= self.sounds.len()) {
+            *voice = Voice::default();
         }
-        if state.restores() {
-            for voice in self.voices.iter_mut().filter(|v| v.slot >= self.sounds.len()) {
-                *voice = Voice::default();
-            }
-            let longest = self.sounds.iter().map(|sound| sound.longest).max().unwrap_or(0);
-            let sound = self.voices.iter().all(|v| {
-                (0.0..1.0).contains(&v.part)
-                    && (0.0..=1e4).contains(&v.speed_m_s)
-                    && v.end.saturating_sub(v.from) <= longest
-                    && v.fade <= self.fade
-                    && v.phasors.iter().flatten().all(|p| p.abs() <= 2.0)
-            });
-            if !sound {
-                self.reset();
-            }
-            state.require(sound);
-        }
+        let longest = self.sounds.iter().map(|sound| sound.longest).max().unwrap_or(0);
+        state.require(self.voices.iter().all(|v| {
+            (0.0..1.0).contains(&v.part)
+                && (0.0..=1e4).contains(&v.speed_m_s)
+                && v.end.saturating_sub(v.from) <= longest
+                && v.fade <= self.fade
+                && v.phasors.iter().flatten().all(|p| p.abs() <= 2.0)
+        }));
     }
 }
 

@@ -7,7 +7,7 @@ use asperity_autoregressive::{Synthesis, Texture};
 use asperity_dsp::{Conversion, FilterPhase, Resampler, Stft};
 use asperity_node::random;
 
-use super::bench::{Bench, largest_step, refused, spans};
+use crate::bench::{self, Bench, files, largest_step, refused, spans};
 
 const MADE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../graphs/models/made_ar/");
 
@@ -18,24 +18,16 @@ fn model(name: &str, gain: &str) -> String {
 /// Slot, speed, force and level of a tick.
 type Told = [f64; 4];
 
-fn beside(
-    file: &str,
+fn bench<T: AsRef<str>>(
     rates: (u32, u32),
-    texts: &str,
+    texts: &[T],
     play: impl Fn(u64) -> Told + Send + Sync + 'static,
 ) -> Bench {
     let play = move |tick| play(tick).map(|x| vec![x]).to_vec();
-    Bench::beside(file, rates, "autoregressive", &[("models", texts)], "slot speed force level", play)
+    Bench::new("autoregressive", "slot speed force level", play).rates(rates).list("models", texts)
 }
 
-fn bench(
-    tick_hz: u32,
-    rate: u32,
-    texts: &[String],
-    play: impl Fn(u64) -> Told + Send + Sync + 'static,
-) -> Bench {
-    beside("bench.ron", (tick_hz, rate), &format!("{texts:?}"), play)
-}
+const USUAL: (u32, u32) = (500, 48_000);
 
 fn texture(name: &str) -> Arc<Texture> {
     Arc::new(Texture::read(format!("{MADE}{name}.ron")).unwrap())
@@ -50,10 +42,6 @@ struct Direct {
 
 impl Direct {
     /// A model of the node `it` of a graph of seed 1, which is the `number`th of its slot.
-    fn new(name: &str, number: u64, rate: u32, tick_hz: u32) -> Self {
-        Self::of(&format!("{MADE}{name}.ron"), number, rate, tick_hz)
-    }
-
     fn of(file: &str, number: u64, rate: u32, tick_hz: u32) -> Self {
         let texture = Arc::new(Texture::read(file).unwrap());
         let in_hz = texture.rate_hz() as u32;
@@ -108,14 +96,14 @@ fn it_is_its_kernels_begun_anew_with_every_slot() {
             [slot, speed(tick), force(tick), 1.0]
         };
         let (run, calls) =
-            bench(tick_hz, rate, &[model("rough", "1"), model("ringing", "0.5")], play).run("it", 400);
+            bench((tick_hz, rate), &[model("rough", "1"), model("ringing", "0.5")], play).run("it", 400);
         assert_eq!(calls, 400);
         let mut on: Option<(f64, Direct)> = None;
         for (tick, first, len) in spans(400, rate, tick_hz) {
             let slot = play(tick)[0];
             if on.as_ref().is_none_or(|(s, _)| *s != slot) {
                 let name = if slot == 1.0 { "ringing" } else { "rough" };
-                on = Some((slot, Direct::new(name, 0, rate, tick_hz)));
+                on = Some((slot, Direct::of(&format!("{MADE}{name}.ron"), 0, rate, tick_hz)));
             }
             let (_, direct) = on.as_mut().unwrap();
             let gain = if slot == 1.0 { 0.5 } else { 1.0 };
@@ -144,7 +132,7 @@ fn models_of_one_text_add_with_noise_of_their_own() {
     );
     for (tick_hz, rate) in [(500, 48_000), (4000, 44_100)] {
         let play = |tick| [0.0, speed(tick), force(tick), 1.0];
-        let (run, _) = bench(tick_hz, rate, std::slice::from_ref(&both), play).run("it", 300);
+        let (run, _) = bench((tick_hz, rate), std::slice::from_ref(&both), play).run("it", 300);
         let mut all =
             [(format!("{MADE}rough.ron"), 1.0), (fast.clone(), 0.5), (format!("{MADE}rough.ron"), 2.0)]
                 .iter()
@@ -182,7 +170,7 @@ fn what_follows_a_wake_does_not_depend_on_what_was_before() {
     };
     for (tick_hz, rate) in [(500, 48_000), (500, 44_100), (4000, 48_000)] {
         let texts = [model("rough", "1"), model("ringing", "1")];
-        let behind = |opens| bench(tick_hz, rate, &texts, play(opens)).behind_level().run("level", 1000);
+        let behind = |opens| bench((tick_hz, rate), &texts, play(opens)).behind_level().run("level", 1000);
         let (all, calls) = behind(0);
         assert!(calls < 750, "{calls}");
         // The same graph that has been silent so far.
@@ -202,8 +190,8 @@ fn it_starts_and_stops_behind_a_level_without_a_click() {
     };
     for name in ["rough", "smooth", "ringing"] {
         let texts = [model(name, "1")];
-        let steady = bench(500, 48_000, &texts, |_| [0.0, 120.0, 1.0, 1.0]).run("it", 4000).0;
-        let gated = bench(500, 48_000, &texts, move |tick| [0.0, 120.0, 1.0, level(tick)])
+        let steady = bench(USUAL, &texts, |_| [0.0, 120.0, 1.0, 1.0]).run("it", 4000).0;
+        let gated = bench(USUAL, &texts, move |tick| [0.0, 120.0, 1.0, level(tick)])
             .behind_level()
             .run("level", 4000)
             .0;
@@ -223,9 +211,10 @@ fn thirds() -> impl Iterator<Item = (f64, f64)> {
 fn spectrum_at_audio_rate_is_model_within_half_a_db() {
     for (name, tick_hz, rate) in [("rough", 500, 48_000), ("ringing", 500, 44_100)] {
         let (v, f) = (130.0, 1.3);
-        let mut engine =
-            bench(tick_hz, rate, &[model(name, "1")], move |_| [0.0, v, f, 1.0]).engine("it", true).unwrap();
-        let out = super::bench::run(&mut engine, "it", 120 * u64::from(tick_hz)).audio;
+        let mut engine = bench((tick_hz, rate), &[model(name, "1")], move |_| [0.0, v, f, 1.0])
+            .engine("it", true)
+            .unwrap();
+        let out = bench::run(&mut engine, "it", 120 * u64::from(tick_hz)).audio;
         // Frames of a second, half over each other. Bins are amplitudes, 2 |sum w x| / sum w. For a Hann
         // window, sum w^2 = 3/8 length and sum w = length / 2.
         let length = rate as usize;
@@ -259,21 +248,11 @@ fn the_toolkits_files_are_read_as_well_and_bad_ones_are_told() {
                <speedMod>50</speedMod><forceMod>1</forceMod></model></modelSet>";
     std::fs::write(dir.path().join("m.XML"), xml).unwrap();
     let graph = dir.path().join("g.ron");
-    let models = "[\"autoregressive(model: \\\"m.XML\\\")\"]";
     let play = |tick: u64| [0.0, speed(tick), force(tick), 1.0];
-    let bench = beside(graph.to_str().unwrap(), (500, 48_000), models, play);
+    let bench = bench(USUAL, &["autoregressive(model: \"m.XML\")"], play).file(graph.to_str().unwrap());
     let (out, _) = bench.run("it", 100);
     assert!(out.audio.iter().any(|y| y.abs() > 0.1));
-    let engine = bench.engine("it", true).unwrap();
-    assert_eq!(
-        engine.schedule().nodes.iter().find(|n| n.id == "it").unwrap().files,
-        [dir.path().join("m.XML")]
-    );
-
-    let e = refused("autoregressive", &[("models", "[\"autoregressive(model: \\\"no.ron\\\")\"]")]);
-    assert!(e.starts_with("folder/no.ron: cannot read this file"), "{e}");
-    let e = refused("autoregressive", &[("models", "[\"network\"]")]);
-    assert!(e.starts_with("folder/g.ron:1:") && e.contains("expected `autoregressive(...)`"), "{e}");
+    assert_eq!(files(&bench), [dir.path().join("m.XML")]);
     std::fs::write(dir.path().join("half.xml"), xml.replace("1000", "1000.5")).unwrap();
     let text = format!("autoregressive(model: {:?})", dir.path().join("half.xml"));
     let e = refused("autoregressive", &[("models", &format!("[{text:?}]"))]);

@@ -1,6 +1,6 @@
 //! `friction`, `viscosity` and `magnet`.
 
-use super::bench::{Bench, refused};
+use crate::bench::{self, Bench};
 use crate::effects::friction::{LuGreSettings, Rubbing};
 use crate::effects::magnet::Pull;
 use crate::effects::viscosity::Drag;
@@ -41,14 +41,19 @@ const TANGENTS: [f64; 6] = [0.6, 0.8, 0.0, -0.48, 0.36, 0.8];
 /// Inputs of `friction`.
 const INPUTS: &str = "slot velocity force tangents";
 
-const LAWS: &str = r#"["lugre(static_coefficient: 0.7, kinetic_coefficient: 0.4)",
+const LAWS: [&str; 3] = [
+    "lugre(static_coefficient: 0.7, kinetic_coefficient: 0.4)",
     "viscous_coulomb(coefficient: 0.2)",
-    "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 2)"]"#;
+    "dahl(coefficient: 0.5, bristle_stiffness_n_per_mm: 2)",
+];
+
+const MAGNET: &str = "(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)";
 
 fn friction(tick_hz: u32) -> Bench {
-    Bench::new((tick_hz, 48_000), "friction", &[("laws", LAWS)], INPUTS, |tick| {
+    let play = |tick| {
         vec![vec![touched(tick)], velocity(tick).to_vec(), vec![normal_force(tick)], TANGENTS.to_vec()]
-    })
+    };
+    Bench::new("friction", INPUTS, play).rates((tick_hz, 48_000)).list("laws", &LAWS)
 }
 
 // Friction is its law along the tangents, starts anew with every contact and sleeps between contacts.
@@ -93,7 +98,7 @@ fn friction_follows_law_restarts_at_contact_and_sleeps() {
 #[test]
 fn friction_every_third_tick_wakes_by_a_slot_between() {
     let mut engine = friction(1000).every(3).engine("it", true).unwrap();
-    let run = super::bench::run(&mut engine, "it", 60);
+    let run = bench::run(&mut engine, "it", 60);
     let mut dahl = Rubbing::dahl(0.5, 2.0);
     // The slot comes on at tick 10.
     for tick in (12..60).step_by(3) {
@@ -117,7 +122,7 @@ fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
             };
             vec![vec![slot], velocity.to_vec(), vec![normal_force(tick)], tangents]
         };
-        Bench::new((500, 48_000), "friction", &[("laws", LAWS)], INPUTS, play).run("it", 200).0.control
+        Bench::new("friction", INPUTS, play).list("laws", &LAWS).run("it", 200).0.control
     };
     for slot in [0.0, 1.0, 2.0] {
         let (still, turning) = (forces(slot, false), forces(slot, true));
@@ -130,7 +135,7 @@ fn a_bristle_stays_as_it_is_bent_where_directions_turn_round() {
 #[test]
 fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
     let play = |_| vec![vec![30.0, -40.0], vec![2.0]];
-    let bench = Bench::new((500, 48_000), "friction", &[("laws", LAWS)], "velocity force", play);
+    let bench = Bench::new("friction", "velocity force", play).list("laws", &LAWS);
     let (run, calls) = bench.run("it", 200);
     // LuGre's in steady motion, against it.
     let [x, y, z] = run.control[199][..] else { panic!() };
@@ -139,10 +144,8 @@ fn a_graph_of_one_floor_needs_neither_slot_nor_directions() {
         "{x} {y} {z}"
     );
     assert_eq!(calls, 200);
-    let magnets = "[\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"]";
-    let play = |_| vec![vec![0.3]];
-    let (run, _) =
-        Bench::new((500, 48_000), "magnet", &[("magnets", magnets)], "distance", play).run("it", 2);
+    let bench = Bench::new("magnet", "distance", |_| vec![vec![0.3]]).list("magnets", &[MAGNET]);
+    let (run, _) = bench.run("it", 2);
     assert!(run.control[1][2] == -0.15 && run.control[1][..2].iter().all(|f| *f == 0.0), "{:?}", run.control);
 }
 
@@ -152,8 +155,7 @@ fn what_is_no_direction_is_no_force() {
         let tangents = if tick % 2 == 0 { vec![f64::MAX; 6] } else { vec![1.0; 6] };
         vec![vec![0.0], vec![30.0, 0.0], vec![1e6], tangents]
     };
-    let laws = ("laws", "[\"viscous_coulomb\"]");
-    let (run, _) = Bench::new((500, 48_000), "friction", &[laws], INPUTS, play).run("it", 4);
+    let (run, _) = Bench::new("friction", INPUTS, play).list("laws", &["viscous_coulomb"]).run("it", 4);
     assert_eq!(run.control[2], [0.0; 3]);
     assert_eq!(run.control[3], [-1.2e5; 3], "0.004 s/mm of a million newtons at 30 mm/s");
 }
@@ -162,11 +164,9 @@ fn what_is_no_direction_is_no_force() {
 fn drag_is_against_the_velocity_and_sleeps_outside() {
     let velocity = |tick: u64| [30.0 * (tick as f64 * 0.1).sin(), -400.0, 12.0];
     let play = move |tick| vec![vec![touched(tick)], velocity(tick).to_vec()];
-    let drags = r#"["(viscosity_ns_per_m: 2)",
-        "(viscosity_ns_per_m: 8, max_force_n: 1.5)",
-        "(viscosity_ns_per_m: 0)"]"#;
-    let (run, calls) =
-        Bench::new((500, 48_000), "viscosity", &[("drags", drags)], "slot velocity", play).run("it", 250);
+    let drags =
+        ["(viscosity_ns_per_m: 2)", "(viscosity_ns_per_m: 8, max_force_n: 1.5)", "(viscosity_ns_per_m: 0)"];
+    let (run, calls) = Bench::new("viscosity", "slot velocity", play).list("drags", &drags).run("it", 250);
     let kernels = [(2.0, 3.3), (8.0, 1.5), (0.0, 3.3)].map(|(c, most)| Drag::new(c, most));
     for (tick, force) in run.control.iter().enumerate() {
         let tick = tick as u64;
@@ -190,11 +190,8 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
     let normal = [0.0, 0.6, 0.8];
     let distance = |tick: u64| 3.0 * (tick as f64 * 0.07).sin();
     let play = move |tick| vec![vec![touched(tick)], vec![distance(tick)], normal.to_vec()];
-    let one = "\"(stiffness_n_per_mm: 0.5, max_force_n: 0.4, reach_mm: 2.5)\"";
-    let magnets = format!("[{one}, {one}, {one}]");
-    let settings = [("magnets", &*magnets)];
-    let (run, calls) =
-        Bench::new((500, 48_000), "magnet", &settings, "slot distance normal", play).run("it", 250);
+    let bench = Bench::new("magnet", "slot distance normal", play).list("magnets", &[MAGNET; 3]);
+    let (run, calls) = bench.run("it", 250);
     let kernel = Pull::new(0.5, 0.4, 2.5);
     for (tick, force) in run.control.iter().enumerate() {
         let d = distance(tick as u64);
@@ -213,23 +210,4 @@ fn a_magnet_pulls_to_the_surface_from_both_sides() {
         }
     }
     assert_eq!(calls, CALLS);
-}
-
-#[test]
-fn bad_text_error_names_position_slot_and_valid_values() {
-    let e = refused("friction", &[("laws", "[\"dahl\", \"lugr(static_coefficient: 0.4)\"]")]);
-    assert!(
-        e.starts_with("folder/g.ron:1:") && e.contains("unknown friction `lugr` (did you mean `lugre`?"),
-        "{e}"
-    );
-    let e = refused("friction", &[("laws", "[\"dahl(coefficient: 11)\"]")]);
-    assert!(e.contains("11 is out of range"), "{e}");
-    let e = refused("viscosity", &[("drags", "[\"(viscosity_ns_per_m: -1)\"]")]);
-    assert!(e.contains("-1 N s/m is out of range"), "{e}");
-    let e = refused("magnet", &[("magnets", "[\"(stiffness_n_per_mm: 1, max_force_n: -1, reach_mm: 1)\"]")]);
-    assert!(e.contains("-1 N is out of range"), "{e}");
-    let e = refused("magnet", &[("magnets", "[\"(stiffness_n_per_mm: 1, max_force_n: 1, reach_mm: 0)\"]")]);
-    assert!(e.contains("0 mm is out of range"), "{e}");
-    let e = refused("magnet", &[("magnets", "[\"(stiffness_n_per_mm: 1)\"]")]);
-    assert!(e.contains("max_force_n"), "{e}");
 }

@@ -3,6 +3,7 @@
 use asperity_diagnostics::ron;
 use asperity_node::{Settings, Source};
 
+use crate::bench::refused;
 use crate::registry;
 
 /// Settings of an effect from a text.
@@ -64,4 +65,56 @@ fn settings_that_do_not_fit_are_refused_at_their_place() {
         let e = read(kind, text).unwrap_err();
         assert!(e.contains(wanted) && e.starts_with("folder/g.ron:1:"), "{kind} {text}: {e}");
     }
+}
+
+#[test]
+fn refused_text_of_a_list_is_told_at_its_place() {
+    let lists = [
+        (
+            "friction",
+            "laws",
+            "lugr(static_coefficient: 0.4)",
+            "unknown friction `lugr` (did you mean `lugre`?",
+        ),
+        ("friction", "laws", "dahl(coefficient: 11)", "11 is out of range"),
+        ("viscosity", "drags", "(viscosity_ns_per_m: -1)", "-1 N s/m is out of range"),
+        (
+            "magnet",
+            "magnets",
+            "(stiffness_n_per_mm: 1, max_force_n: -1, reach_mm: 1)",
+            "-1 N is out of range",
+        ),
+        ("magnet", "magnets", "(stiffness_n_per_mm: 1, max_force_n: 1, reach_mm: 0)", "0 mm is out of range"),
+        ("magnet", "magnets", "(stiffness_n_per_mm: 1)", "max_force_n"),
+        ("vibration", "sources", "(frequency_hz: 21700, amplitude_m_s2: 2)", "21700 Hz is out of range"),
+        ("waveform", "loops", "relief(heights: made(surface: \"hessian\"))", "expected `waveform(...)`"),
+        ("autoregressive", "models", "network", "expected `autoregressive(...)`"),
+    ];
+    for (kind, list, text, wanted) in lists {
+        let e = refused(kind, &[(list, &format!("[{text:?}]"))]);
+        assert!(e.starts_with("folder/g.ron:1:") && e.contains(wanted), "{kind} {text}: {e}");
+    }
+    // Files are looked for beside the graph.
+    for (kind, list, text, file) in [
+        ("tap", "taps", "(recording: (file: \"no.wav\", speed_mm_s: 50, full_scale_m_s2: 20))", "no.wav"),
+        (
+            "waveform",
+            "loops",
+            "waveform(recording: (file: \"no.wav\", speed_mm_s: 50, full_scale_m_s2: 20))",
+            "no.wav",
+        ),
+        (
+            "relief",
+            "reliefs",
+            "relief(heights: picture(file: \"no.png\", step_mm: 1, height_mm: 1))",
+            "no.png",
+        ),
+        ("autoregressive", "models", "autoregressive(model: \"no.ron\")", "no.ron"),
+    ] {
+        let e = refused(kind, &[(list, &format!("[{text:?}]"))]);
+        assert!(e.starts_with(&format!("folder/{file}: cannot read this file")), "{e}");
+    }
+    let relief = "[\"relief(heights: made(surface: \\\"hessian\\\"))\"]";
+    let e = refused("relief", &[("reliefs", relief), ("smooth_hz", "250.0")]);
+    assert!(e.contains("250 Hz is not between 0 and half the rate of 500 Hz"), "{e}");
 }

@@ -296,12 +296,12 @@ fn names(surface: &Touchable) -> Vec<String> {
     let effects = &surface.effects;
     let walls = [("stiffness", effects.stiffness.is_some()), ("damping", effects.damping.is_some())];
     let mut all: Vec<String> = walls.iter().filter(|(_, is)| *is).map(|(name, _)| (*name).into()).collect();
-    if effects.network.is_some() {
+    if effects.place(NETWORK).is_some() {
         let material = surface.material.as_ref();
         all.push(material.map_or(NETWORK.to_owned(), |material| format!("network of {}", material.of)));
     }
     let mut seen = BTreeSet::new();
-    for named in effects.named.iter().filter(|named| seen.insert(&named.kind)) {
+    for named in effects.named.iter().filter(|named| named.kind != NETWORK && seen.insert(&named.kind)) {
         all.push(match effects.of(&named.kind).count() {
             1 => named.kind.clone(),
             count => format!("{count} {}s", named.kind),

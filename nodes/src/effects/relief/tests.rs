@@ -2,11 +2,12 @@
 
 use std::f64::consts::TAU;
 
-use super::super::HeightSpline;
 use super::*;
 use asperity_surfaces::topography::HeightField;
 
 const RATE: u32 = 48_000;
+/// Usual cutoff and largest acceleration.
+const USUAL: (f64, f64) = (1000.0, 200.0);
 
 /// Path and samples of every tick of a motion.
 fn ticks(
@@ -26,16 +27,16 @@ fn ticks(
 
 /// All samples along a motion.
 fn felt(
-    heights: &impl Surface,
-    settings: ReliefSettings,
+    (jet, spacing_mm): (&dyn Fn(f64, f64) -> Jet, f64),
+    (cutoff_hz, max_m_s2): (f64, f64),
     tick_hz: u32,
     seconds: f64,
     place: impl Fn(f64) -> [f64; 2],
 ) -> Vec<f64> {
-    let mut relief = Follower::new(settings, RATE).unwrap();
+    let mut relief = Follower::new(cutoff_hz, max_m_s2, RATE).unwrap();
     let samples = |(path, parts, len)| {
         let mut out = vec![0.0; len];
-        relief.process(heights, &path, &parts, &mut out);
+        relief.process((jet, spacing_mm), &path, &parts, &mut out);
         out
     };
     ticks(tick_hz, seconds, place).flat_map(samples).collect()
@@ -91,9 +92,9 @@ fn sine_grating_has_its_frequency_and_amplitude() {
         let place = |t: f64| [0.3 + speed * angle.cos() * t, 0.3 + speed * angle.sin() * t];
         let hz = speed * angle.cos().abs() / wavelength;
         let want = 1e-3 * amplitude * (TAU * hz).powi(2);
-        let all: [&dyn Surface; 2] = [&wave, &spline];
+        let all: [&dyn Fn(f64, f64) -> Jet; 2] = [&wave, &|x, y| spline.jet(x, y)];
         for heights in all {
-            let x = felt(&|x: f64, y: f64| heights.jet(x, y), ReliefSettings::default(), tick_hz, 1.0, place);
+            let x = felt((heights, 0.0), USUAL, tick_hz, 1.0, place);
             let off = decibels(lock_in(&x, hz).0 / want);
             assert!(off.abs() < 0.1, "{wavelength} mm at {speed} mm/s: {off} dB");
             // And nothing else.
@@ -132,7 +133,7 @@ fn accelerating_path_gives_second_difference_of_height() {
     let place =
         |t: f64| [70.0 * t + 25.0 * (9.0 * t).sin() / 9.0 * 2.0, 12.0 * (5.0 * t).sin() + 60.0 * t * t];
     for tick_hz in [100, 500, 4000] {
-        let x = felt(&hills_jet, ReliefSettings::default(), tick_hz, 1.0, place);
+        let x = felt((&hills_jet, 0.0), USUAL, tick_hz, 1.0, place);
         // The truth along the same path, by second differences of 40 us, behind the same low-pass.
         let mut filters = DAMPING.map(|d| Section::low_pass(1000.0, d).bilinear(48_000.0, 1000.0).unwrap());
         let e = 2e-5;
@@ -237,7 +238,7 @@ fn beside_the_wave(step: f64, speed: f64, tick_hz: u32, filtered: bool) -> f64 {
     });
     let seen: Vec<f64> = seen.collect();
     let place = |t: f64| [seen[(t * hz).round() as usize], 0.0];
-    let x = felt(&grating(0.01, 2.0, 0.0), ReliefSettings::default(), tick_hz, 2.0, place);
+    let x = felt((&grating(0.01, 2.0, 0.0), 0.0), USUAL, tick_hz, 2.0, place);
     // Whole periods near the end.
     let wave = 0.5 * speed;
     let (amplitude, _) = lock_in(&x, wave);
@@ -261,9 +262,8 @@ fn what_would_come_back_mirrored_is_left_out() {
     let field = HeightField::from_fn(64, 0.05, |x, _| 0.01 * (TAU * x / 0.2).sin());
     let spline = HeightSpline::new(&field);
     let level = |speed: f64| {
-        let x = felt(&spline, ReliefSettings { cutoff_hz: 20_000.0, max_m_s2: 1e4 }, 1000, 0.1, |t| {
-            [speed * t, 0.0]
-        });
+        let heights = |x, y| spline.jet(x, y);
+        let x = felt((&heights, 0.05), (20_000.0, 1e4), 1000, 0.1, |t| [speed * t, 0.0]);
         (x.iter().map(|x| x * x).sum::<f64>() / x.len() as f64).sqrt() / speed.powi(2)
     };
     // 0.05 mm at 48 kHz: 2400 mm/s.
@@ -273,15 +273,15 @@ fn what_would_come_back_mirrored_is_left_out() {
 
 #[test]
 fn any_input_is_finite_and_bounded_bad_settings_refused() {
-    let settings = ReliefSettings { max_m_s2: 5.0, ..ReliefSettings::default() };
-    let mut relief = Follower::new(settings, RATE).unwrap();
+    let mut relief = Follower::new(1000.0, 5.0, RATE).unwrap();
     let mut path = Path::new(500);
     let steep = grating(1.0, 1.0, 0.3);
     let bad = |_: f64, _: f64| Jet { height_mm: 0.0, slope: [f64::NAN; 2], curve_per_mm: [f64::INFINITY; 3] };
     let mut field = HeightField::from_fn(8, 0.1, |x, y| x * y);
     field.heights_mut()[5] = f32::NAN;
     let spline = HeightSpline::new(&field);
-    let all: [&dyn Surface; 3] = [&steep, &bad, &spline];
+    let all: [(&dyn Fn(f64, f64) -> Jet, f64); 3] =
+        [(&steep, 0.0), (&bad, 0.0), (&|x, y| spline.jet(x, y), 0.1)];
     for (tick, x) in [0.0, f64::NAN, 1e300, -1e300, 3.0, 3.5, f64::INFINITY, 4.0, 4.1].into_iter().enumerate()
     {
         path.advance([x, -x], [x, 1.0]);
@@ -294,9 +294,7 @@ fn any_input_is_finite_and_bounded_bad_settings_refused() {
     for degenerate in [HeightField::flat(0, 0.1), HeightField::flat(3, 0.0), HeightField::flat(3, f64::NAN)] {
         assert_eq!(HeightSpline::new(&degenerate).jet(0.3, -7.0), Jet::default());
     }
-    let refused = |cutoff_hz: f64, max_m_s2: f64, rate: u32| {
-        Follower::new(ReliefSettings { cutoff_hz, max_m_s2 }, rate).is_err()
-    };
+    let refused = |cutoff_hz: f64, most: f64, rate: u32| Follower::new(cutoff_hz, most, rate).is_err();
     assert!(refused(19.0, 5.0, RATE) && refused(21_601.0, 5.0, RATE) && refused(1000.0, 5.0, 0));
     assert!(!refused(21_600.0, 5.0, RATE) && !refused(1000.0, 1e4, 2500));
 }

@@ -24,7 +24,7 @@ fn stroke(
     seconds: f64,
     speed: impl Fn(f64) -> (f64, f64),
 ) -> Vec<f64> {
-    let (mut path, mut waveform) = (Path::new(tick_hz), Reader::new(table.clone()));
+    let (mut path, mut waveform) = (Path::new(tick_hz), Reader::new(table.clone(), 1.0));
     let mut all = Vec::new();
     for tick in 0..(seconds * f64::from(tick_hz)) as u64 {
         let (place, v) = speed(tick as f64 / f64::from(tick_hz));
@@ -59,7 +59,7 @@ fn waves_in_band_are_exact_with_images_95_db_below() {
             // The n-th sample stands after n + 1 ways; its place in the loop, its phase.
             let want = |n: usize| {
                 let distance = speed * (n + 1) as f64 / f64::from(RATE);
-                (TAU * waves * distance / table.length_mm()).sin()
+                (TAU * waves * distance / table.length_mm).sin()
             };
             let off = rms(x.iter().enumerate().map(|(n, x)| x - want(n)));
             worst = worst.max(decibels(off / 0.5_f64.sqrt()));
@@ -73,7 +73,7 @@ fn waves_in_band_are_exact_with_images_95_db_below() {
 fn waves_to_a_sixth_of_rate_stay_beyond_half_vanish() {
     let (count, waves) = (4000, 1900.0);
     let table = wave(count, waves, flat(100.0));
-    let per_mm = waves / table.length_mm();
+    let per_mm = waves / table.length_mm;
     for step in 0..60 {
         let waves_per_sample = 0.05 * 1.1_f64.powi(step);
         let speed = waves_per_sample * f64::from(RATE) / per_mm;
@@ -90,7 +90,7 @@ fn waves_to_a_sixth_of_rate_stay_beyond_half_vanish() {
     // A low wave in a fine table stays when the finest copies are long left.
     let low = wave(count, 10.0, flat(100.0));
     for waves_per_sample in [0.01, 0.05, 0.1, 0.15] {
-        let speed = waves_per_sample * f64::from(RATE) * low.length_mm() / 10.0;
+        let speed = waves_per_sample * f64::from(RATE) * low.length_mm / 10.0;
         let x = stroke(&low, 1000, 0.05, |t| (speed * t, speed));
         let want = |n: usize| (TAU * waves_per_sample * (n + 1) as f64).sin();
         let off = rms(x.iter().enumerate().map(|(n, x)| x - want(n)));
@@ -168,7 +168,7 @@ fn a_crossfaded_seam_has_the_level_of_the_rest_and_no_step() {
     let wave: Vec<f64> = (0..40_000).map(|n| (TAU * n as f64 / 40.0).sin()).collect();
     for (name, values) in [("noise", noise), ("wave", wave)] {
         let table = Arc::new(WaveformTable::new(&values, SPACING_MM, 250.0, flat(100.0)).unwrap());
-        assert!((table.length_mm() - 1750.0).abs() < 1e-9, "{name}");
+        assert!((table.length_mm - 1750.0).abs() < 1e-9, "{name}");
         let x = stroke(&table, 500, 40.0, |t| (100.0 * t, 100.0));
         // The faded 250 mm are the first 2.5 s of each round of 17.5 s.
         let part = |from: f64, to: f64| {
@@ -189,7 +189,7 @@ fn segments_are_the_means_of_their_lines() {
     // A saw of 1 mm and a ridge at 3.3 mm.
     let pairs = [(10.0, 0.0), (11.0, 2.0), (11.5, -2.0), (13.3, 0.0), (13.3001, 5.0), (14.0, 0.0)];
     let table = Arc::new(WaveformTable::from_segments(&pairs, 0.01, 0.0, flat(100.0)).unwrap());
-    assert!((table.length_mm() - 4.0).abs() < 1e-9);
+    assert!((table.length_mm - 4.0).abs() < 1e-9);
     let line = |x: f64| {
         let i = pairs.windows(2).position(|w| x <= w[1].0).unwrap();
         let (a, b) = (pairs[i], pairs[i + 1]);
@@ -216,13 +216,13 @@ fn whatever_comes_is_finite_and_what_cannot_be_is_refused() {
     let quantity = WaveformQuantity::Acceleration { reference_speed_mm_s: 0.1, speed_exponent: 2.0 };
     for table in [wave(4, 1.0, quantity), wave(5, 1.0, WaveformQuantity::Height), wave(1000, 499.0, quantity)]
     {
-        let mut waveform = Reader::new(table);
+        let mut waveform = Reader::new(table, 1.0);
         let mut path = Path::new(500);
         for (tick, x) in [f64::NAN, 1e300, -1e300, f64::INFINITY, 3.0, 3.1].into_iter().enumerate() {
             path.advance([x, 0.0], [-x, x]);
             let mut out = [0.0f64; 96];
             waveform.process(&path, &Parts::new(tick as u64, 96 * tick as u64, RATE, 500), &mut out);
-            assert!(out.iter().all(|x| x.is_finite()) && waveform.distance_mm < waveform.table.length_mm());
+            assert!(out.iter().all(|x| x.is_finite()) && waveform.distance_mm < waveform.table.length_mm);
             waveform.process(&path, &Parts::new(tick as u64, 0, RATE, 500), &mut [0.0f64; 0]);
         }
     }

@@ -1,8 +1,15 @@
-//! Ports and parameters in the forms that nodes have most often. Each takes its meaning by `doc`.
+//! The words that nodes are written in: traits and types of `asperity_node`, and ports and parameters in the
+//! forms that nodes have most often. Each takes its meaning by `doc`.
 
+use std::borrow::Cow;
 use std::ops::RangeInclusive;
 
-use asperity_node::{Input, LayoutSpec, Output, Param, RateSpec, ShapeSpec, Unit};
+pub(crate) use asperity_node::{
+    Acts, Config, Descriptor, Diagnostic, Direction, Effect, Fact, Form, FrameClock, FrameLayout, FrameRate,
+    Input, Inputs, Keep, Latency, Law, LayoutSpec, Node, Output, Param, Params, Ports, Prepared, Processor,
+    RateSpec, Resume, Role, Settings, Setup, Shape, ShapeSpec, State, Status, Tick, Unit, UnitSpec, random,
+    time,
+};
 
 pub(crate) const ONE: Unit = Unit::NONE;
 pub(crate) const MM: Unit = Unit::MILLIMETRE;
@@ -25,6 +32,12 @@ pub(crate) fn audio(name: &'static str) -> Input {
 
 pub(crate) fn audio_out(name: &'static str) -> Output {
     Output::new(name, ShapeSpec::Audio(RateSpec::Of('r')), Unit::NONE).unit_of('u')
+}
+
+/// Audio that drives a coil: a current or a voltage.
+pub(crate) fn drive(rate: RateSpec) -> Input {
+    const DRIVES: &[Unit] = &[Unit::AMPERE, Unit::VOLT];
+    Input::new("in", ShapeSpec::Audio(rate), Unit::NONE).unit_among('u', DRIVES)
 }
 
 /// A signal of any type; that of [`like_out`] is the same.
@@ -86,14 +99,46 @@ pub(crate) fn seed() -> Param {
     Param::integer("seed", 1, 0..=i64::MAX, "").optional()
 }
 
-/// Sets the meaning of a parameter.
+/// An error of a library at the parameter that it is about.
+pub(crate) fn error_at(params: &Params, name: &str, e: Diagnostic) -> Diagnostic {
+    let placed = params.error(name, e.message);
+    match e.help {
+        Some(help) => placed.help(help),
+        None => placed,
+    }
+}
+
+/// Documents a parameter, or what was added last to a descriptor or a form: all else has its words already.
 pub(crate) trait Doc {
     fn doc(self, doc: &'static str) -> Self;
+}
+
+/// Gives the only one without words its words.
+fn document<'d>(mut all: impl Iterator<Item = &'d mut Cow<'static, str>>, doc: &'static str) {
+    if let Some(empty) = all.find(|doc| doc.is_empty()) {
+        *empty = doc.into();
+    }
 }
 
 impl Doc for Param {
     fn doc(mut self, doc: &'static str) -> Self {
         self.doc = doc.into();
+        self
+    }
+}
+
+impl Doc for Descriptor {
+    fn doc(mut self, doc: &'static str) -> Self {
+        let (inputs, outputs) = (self.inputs.iter_mut(), self.outputs.iter_mut());
+        let ports = inputs.map(|i| &mut i.doc).chain(outputs.map(|o| &mut o.doc));
+        document(ports.chain(self.params.iter_mut().map(|p| &mut p.doc)), doc);
+        self
+    }
+}
+
+impl Doc for Form {
+    fn doc(mut self, doc: &'static str) -> Self {
+        document(self.fields.iter_mut().map(|p| &mut p.doc), doc);
         self
     }
 }
