@@ -15,6 +15,7 @@ use asperity_node::{Buffer, Latency, Registry, Role, Shape, Unit};
 use asperity_texture::Library;
 
 use crate::knob::{has, set};
+use crate::setting::LoadedGraph;
 
 /// Path of a stylus: x, y, z in mm over the time in s; z is up.
 pub type Path3 = Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>;
@@ -98,15 +99,11 @@ pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str
 }
 
 /// Checks that the libraries of a graph's networks have these materials.
-pub(crate) fn check_materials<'m>(
-    graph: &GraphFile,
-    registry: &Registry,
-    materials: impl Iterator<Item = &'m (String, Place)> + Clone,
-) -> Result<(), Diagnostic> {
-    for node in graph.nodes.iter().filter(|n| is_network(registry, &n.kind)) {
+pub(crate) fn check_materials(base: &LoadedGraph, materials: &[&(String, Place)]) -> Result<(), Diagnostic> {
+    for node in base.graph.nodes.iter().filter(|n| is_network(&base.registry, &n.kind)) {
         let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
         let library = Library::shared(setting.value.path()?)?;
-        for (name, place) in materials.clone() {
+        for (name, place) in materials {
             library.material(name).map_err(|e| Diagnostic { file: None, ..e }.at_place(place))?;
         }
     }
@@ -331,18 +328,20 @@ mod tests {
 
     #[test]
     fn unknown_material_is_reported_at_its_place() {
-        let graph = graph(
-            r#""t": (kind: "texture_network",
-                params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+        let base = crate::testing::loaded(
+            "g",
+            graph(
+                r#""t": (kind: "texture_network",
+                    params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+            ),
         );
-        let registry = asperity_nodes::registry();
         let source = Source::new("s.ron", r#"["canvas", "canvsa"]"#);
         let at = |name: &str, start: usize| {
             (name.to_owned(), Place { span: Span { start, end: start + 8 }, source: source.clone() })
         };
         let [known, unknown] = [at("canvas", 1), at("canvsa", 11)];
-        check_materials(&graph, &registry, [&known].into_iter()).unwrap();
-        let e = check_materials(&graph, &registry, [&known, &unknown].into_iter()).unwrap_err().to_string();
+        check_materials(&base, &[&known]).unwrap();
+        let e = check_materials(&base, &[&known, &unknown]).unwrap_err().to_string();
         assert!(e.starts_with("s.ron:1:12:") && e.contains("did you mean `canvas`?"), "{e}");
     }
 }

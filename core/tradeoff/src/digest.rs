@@ -9,21 +9,21 @@ use asperity_node::{ParamKind, ParamValue, Registry};
 
 use crate::chain::over;
 use crate::knob::has;
-use crate::prepare::Job;
 use crate::results::Fragment;
+use crate::run::Job;
 use crate::setting::{LoadedGraph, Setting};
 
 /// Digest of the trade-off, its graphs, input files, ways of measuring and the version of this program. It is
 /// the same in all shards: folder, machine and build are not in it.
-pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> String {
+pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting<'_>], material: Option<&str>) -> String {
     let t = job.tradeoff;
     let graph = |b: &LoadedGraph| {
         format!("{} {} {:?}", b.strength, b.file.source.text(), Fragment::between(b, &b.graph))
     };
-    let graphs: Vec<String> = job.graphs().map(graph).collect();
+    let graphs: Vec<String> = job.bases.iter().chain(job.baselines).map(graph).collect();
     let strokes: Vec<String> = t.strokes.iter().filter_map(|s| s.file().map(content)).collect();
     let ways = (t.seed, t.lenient, settings.len(), job.cases, &job.machine.build);
-    let files = files(job, settings, material);
+    let files = files(settings, material);
     of_bytes(format!("{ways:?} {} {graphs:?} {strokes:?} {files:?}", t.source.text()).as_bytes())
 }
 
@@ -41,10 +41,10 @@ pub(crate) fn of_bytes(bytes: &[u8]) -> String {
 }
 
 /// Names and contents of all files that graphs read, sorted.
-fn files(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> BTreeSet<String> {
+fn files(settings: &[Setting<'_>], material: Option<&str>) -> BTreeSet<String> {
     let (mut seen, mut paths) = (HashSet::new(), BTreeSet::new());
     for setting in settings {
-        let Some(base) = job.base(setting) else { continue };
+        let base = setting.base;
         paths.extend(base.plugins.iter().cloned());
         let (named, files) = named(&setting.graph, &base.registry);
         // Compiled once for the same named files: it finds the files that these name.
@@ -84,7 +84,7 @@ fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Settings;
+    use crate::setting::Settings;
     use crate::testing::{graph_of, job, loaded, tradeoff};
 
     /// The digest in a folder, on a machine, of a graph that reads a trajectory.

@@ -13,7 +13,7 @@ use asperity_accuracy::timing::Timing;
 use asperity_diagnostics::Diagnostic;
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
-use asperity_node::{Registry, random};
+use asperity_node::random;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{Chain, over};
@@ -102,13 +102,9 @@ fn weighed<T, E>(monitor: &dyn Monitor, make: impl Fn() -> Result<T, E>) -> Resu
 }
 
 impl Entry {
-    fn new(
-        setting: &Setting,
-        registry: &Registry,
-        material: Option<&str>,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, Diagnostic> {
-        let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
+    fn new(setting: &Setting<'_>, material: Option<&str>, monitor: &dyn Monitor) -> Result<Self, Diagnostic> {
+        let registry = &setting.base.registry;
+        let graph = over(&setting.graph, registry, material, setting.graph.seed);
         let options = Options { check_finite: setting.guards, ..Options::default() };
         let path = patch::circle(&graph, registry)?;
         let (chain, memory) = weighed(monitor, || Chain::new(&graph, registry, vec![path.clone()], options))?;
@@ -222,19 +218,19 @@ fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
 
 /// Times a batch; none where the run is to stop. Nothing else should run meanwhile.
 pub(crate) fn batch(
-    anchor: (&Setting, &Registry),
-    settings: &[(&Setting, &Registry)],
+    anchor: &Setting<'_>,
+    settings: &[&Setting<'_>],
     material: Option<&str>,
     times: Times,
     monitor: &dyn Monitor,
 ) -> Result<Option<Batch>, Diagnostic> {
-    let mut first = Entry::new(anchor.0, anchor.1, material, monitor)?;
+    let mut first = Entry::new(anchor, material, monitor)?;
     first.turn(WARM_MS, false);
     let idle = first.idle();
     let mut entries = vec![idle, first];
     let mut made: Vec<Result<(), String>> = Vec::new();
-    for (setting, registry) in settings {
-        let entry = Entry::new(setting, registry, material, monitor);
+    for setting in settings {
+        let entry = Entry::new(setting, material, monitor);
         made.push(entry.map(|entry| entries.push(entry)).map_err(|e| e.to_string()));
     }
     for entry in entries.iter_mut().skip(2) {
@@ -259,8 +255,7 @@ pub(crate) fn batch(
     let (Some(idle), Some(anchor)) = (done.next(), done.next()) else { return Ok(None) };
     let mut time =
         |made: Result<(), String>| made.and_then(|()| done.next().ok_or("it was not timed".into()));
-    let rows =
-        settings.iter().zip(made).map(|((setting, _), made)| (setting.key.clone(), time(made))).collect();
+    let rows = settings.iter().zip(made).map(|(s, made)| (s.row.key.clone(), time(made))).collect();
     Ok(Some(Batch { idle, anchor, rows }))
 }
 

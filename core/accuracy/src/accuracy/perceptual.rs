@@ -3,9 +3,9 @@ use std::f64::consts::TAU;
 use super::spectrogram::{BINS, Spectrogram, bin_hz};
 
 /// Frames of a segment: 0.575 s of signal.
-pub const SEGMENT_FRAMES: usize = 20;
+const SEGMENT_FRAMES: usize = 20;
 /// Deviation in dB of the psychometric function.
-pub const SUPPORT_DB: f64 = 12.0;
+const SUPPORT_DB: f64 = 12.0;
 
 /// Threshold at 250 Hz, the least, in micrometres of displacement. Chosen.
 const LEAST_UM: f64 = 0.03;
@@ -47,7 +47,7 @@ const LITTLE: f64 = 0.022_750_13;
 /// Differences from the papers, which compare waveforms block by block, so that two draws of one noise
 /// differ:
 ///
-/// - A level is the mean power of a segment of [`SEGMENT_FRAMES`] frames (0.575 s), over which speed and
+/// - A level is the mean power of a segment of 20 frames (0.575 s), over which speed and
 ///   force change little. Segments overlap, and sums are over all of them.
 /// - Masks are those of single frames, as in the codec, with their powers averaged over the segment. Peaks
 ///   below the absolute threshold mask nothing.
@@ -57,7 +57,7 @@ const LITTLE: f64 = 0.022_750_13;
 ///   feels score 1.
 ///
 /// Frames that only one signal has do not count, nor bins from half the truth's rate on. 1 without frames.
-pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
+pub(super) fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
     let frames = rendered.frames().min(truth.frames());
     let length = SEGMENT_FRAMES.min(frames);
     let segments = frames - length + 1;
@@ -89,7 +89,7 @@ pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
 /// thresholds of displacement: times `(2 pi f)^2` it is an acceleration. It is set to 0.03 um at 250 Hz,
 /// 0.07 m/s^2, about the threshold of hands that hold a tool (A. J. Brisben, S. S. Hsiao, K. O. Johnson, J.
 /// Neurophysiology 81(4), 1999). Of the two rises in versions of the codec, 62 and 50 dB, this is the later.
-pub fn threshold_m_s2(hz: f64) -> f64 {
+fn threshold_m_s2(hz: f64) -> f64 {
     let (per_hz, at_0) = CURVE;
     let rise = RISE_DB * ((per_hz * hz.max(0.0) + at_0).log10() / at_0.log10()).powi(2);
     let um = LEAST_UM * 10f64.powf(rise.min(MOST_DB) / 20.0);

@@ -12,11 +12,11 @@ pub const STEP_HZ: f64 = 10.0;
 /// Bins: 20, 30, .. 1000 Hz.
 pub const BINS: usize = 99;
 /// Length of a window in seconds.
-pub const WINDOW_S: f64 = 0.1;
+const WINDOW_S: f64 = 0.1;
 /// From one window to the next in seconds: a quarter of a window.
 pub const HOP_S: f64 = 0.025;
 /// Fewest frames that are compared: 0.5 s.
-pub const MIN_FRAMES: usize = 17;
+pub(super) const MIN_FRAMES: usize = 17;
 /// Number of the first bin among those of the window, which begin at 0 Hz.
 const FIRST: usize = 2;
 /// Samples beyond this count as not finite: their squares would not be.
