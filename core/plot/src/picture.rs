@@ -144,7 +144,7 @@ impl GraphPicture {
         let (back, forth): (Vec<Wire>, Vec<Wire>) = wires.into_iter().partition(|w| w.feedback);
         let edges: Vec<Edge> = forth.iter().map(|w| w.edge).collect();
         let layer = longest_path_layers(self.nodes.len(), &edges);
-        let mut placement = Placement::order(&layer, &edges);
+        let mut placement = Placement::new(&layer, &edges);
         let sides = inputs.iter().zip(&outputs).map(|(i, o)| width(i).max(width(o)) + 8.0);
         let width: Vec<f64> =
             self.nodes.iter().zip(sides).map(|(n, sides)| caption_width(n).max(sides).max(92.0)).collect();

@@ -38,15 +38,6 @@ fn svg(above: SceneMap) -> String {
     svg
 }
 
-/// The surfaces alone as SVG, and how many have an area. None is left out.
-fn surfaces_of(laid: &Laid<'_>) -> (String, usize) {
-    let mut svg = Svg::new(1.0, 1.0, "");
-    let (surfaces, left_out) = laid.in_view();
-    assert_eq!(left_out, 0);
-    let areas = laid.draw_surfaces(&mut svg, &surfaces).len();
-    (svg.finish(), areas)
-}
-
 #[test]
 fn view_holds_the_path_and_near_surfaces() {
     let way = Some([[-50.0, 0.0], [50.0, 0.0]]);
@@ -88,8 +79,10 @@ fn axes_share_a_scale_and_hold_the_path() {
 fn tile_is_drawn_at_its_place() {
     let above = above(vec![tile("left", [-20.0, 10.0, 3.0], [30.0, 12.0])], along(100.0, |_| 0));
     let laid = above.laid(74.0);
-    let (drawn, areas) = surfaces_of(&laid);
-    assert_eq!(areas, 1);
+    let mut drawn = Svg::new(1.0, 1.0, "");
+    let outlines: Vec<_> = above.surfaces.iter().map(|seen| (seen, outline(&seen.surface))).collect();
+    assert_eq!(laid.draw_surfaces(&mut drawn, &outlines).len(), 1);
+    let drawn = drawn.finish();
     let d = drawn.rsplit_once("<path d=\"").unwrap().1.split_once('z').unwrap().0;
     let corners = &lines_of(d)[0];
     let want = [[-35.0, 4.0], [-5.0, 4.0], [-5.0, 16.0], [-35.0, 16.0]]
@@ -169,23 +162,6 @@ fn thousands_of_tiles_are_a_small_file_without_names() {
     let many = field(100);
     assert!(many.contains("; 6000 more surfaces are not drawn"), "{}", many.len());
     assert!(many.len() < 160_000, "{}", many.len());
-}
-
-#[test]
-fn surfaces_far_from_the_path_are_left_out_first() {
-    // Two rows of tiles, 4000 by the way and 100 away from it.
-    let mut tiles: Vec<Seen> =
-        (0..100).map(|i| tile("far", [f64::from(i) - 50.0, 40.0, 0.0], [0.4; 2])).collect();
-    tiles.extend(
-        (0..4000).map(|i| tile("by", [f64::from(i % 400) * 0.25 - 50.0, f64::from(i / 400), 0.0], [0.1; 2])),
-    );
-    tiles[7].touched = true;
-    let above = above(tiles, along(100.0, |_| 1));
-    let laid = above.laid(0.0);
-    let mut all: Vec<(&Seen, Outline)> =
-        above.surfaces.iter().map(|s| (s, Outline::of(&s.surface))).collect();
-    laid.nearest_first(&mut all);
-    assert!(all[0].0.touched && all[1..4001].iter().all(|(s, _)| s.name == "by"));
 }
 
 /// Texts of a picture with their bounds, but for upright ones.
@@ -332,34 +308,6 @@ fn tile_name_is_off_all_lanes() {
         words.iter().all(|(_, [low, high])| high[1] < top || low[1] > bottom),
         "{words:?} {top} {bottom}"
     );
-}
-
-#[test]
-fn no_surface_is_a_hole_in_another() {
-    let over = |shape: Shape, turn: [f64; 3]| Seen {
-        surface: Surface { shape, pose: Pose::new([1.0, 0.0, 0.0], turn).unwrap() },
-        ..tile("x", [0.0; 3], [1.0; 2])
-    };
-    let surfaces = vec![
-        tile("floor", [0.0; 3], [60.0, 30.0]),
-        over(Shape::rectangle([20.0, 10.0], 5.0).unwrap(), [180.0, 0.0, 0.0]),
-        over(Shape::sphere(4.0).unwrap(), [0.0; 3]),
-        over(Shape::sphere(1e5).unwrap(), [0.0; 3]),
-        over(Shape::cuboid([5.0, 6.0, 7.0]).unwrap(), [20.0, 190.0, 40.0]),
-    ];
-    let above = above(surfaces, along(70.0, |_| 0));
-    let laid = above.laid(0.0);
-    let (drawn, _) = surfaces_of(&laid);
-    let path = drawn.lines().find(|line| line.contains(OUTLINE[0])).unwrap().split('"').nth(1).unwrap();
-    let parts: Vec<&str> = path.split_inclusive('z').collect();
-    assert_eq!(parts.len(), 5, "{path}");
-    for part in parts {
-        // With the clock: a sum of cross products, of which y points down.
-        let points = &lines_of(part)[0];
-        let cross = |(a, b): (&Point, &Point)| a[0] * b[1] - a[1] * b[0];
-        let with_the_clock = points.iter().zip(points.iter().cycle().skip(1)).map(cross).sum::<f64>() > 0.0;
-        assert!(with_the_clock, "{part}");
-    }
 }
 
 #[test]
