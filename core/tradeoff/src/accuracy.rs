@@ -110,7 +110,7 @@ impl Prepared<'_> {
                     all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
                 }
                 if m == 0 {
-                    lags_ms.extend(lag::measured(&mut chain, strokes.len(), tradeoff.steps));
+                    lags_ms.extend(chain.lag_ms(strokes.len(), tradeoff.steps));
                     monitor.advanced(1);
                 }
                 row.faults += chain.faults();

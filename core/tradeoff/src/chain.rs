@@ -152,7 +152,7 @@ impl Chain {
     }
 
     /// The schedule.
-    pub(crate) fn schedule(&self) -> &Schedule {
+    pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
 
@@ -162,7 +162,7 @@ impl Chain {
     }
 
     /// Node and output of the last acceleration at the audio rate; otherwise of the coil's drive.
-    pub(crate) fn output(&self) -> Option<(usize, usize)> {
+    pub fn output(&self) -> Option<(usize, usize)> {
         self.places.felt.or(self.places.drive)
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use asperity_accuracy::response::{Steps, lag_ms};
 use asperity_diagnostics::Diagnostic;
 use asperity_engine::Options;
-use asperity_graph::{GraphFile, Schedule};
+use asperity_graph::GraphFile;
 use asperity_node::Registry;
 
 use crate::chain::{Chain, Path3};
@@ -43,51 +43,34 @@ pub(crate) fn straight() -> Path3 {
     Arc::new(|t| [STRAIGHT.0 * t, 0.0, -DEPTH_MM])
 }
 
-/// A graph whose response lag can be measured.
-pub struct Response(Chain);
-
-impl Response {
-    /// Mean of the two speeds \[mm/s\].
+impl Chain {
+    /// Mean of the two speeds of [`lag_ms`](Self::lag_ms) \[mm/s\].
     pub const MEAN_MM_S: f64 = (SPEEDS[0] + SPEEDS[1]) / 2.0;
 
-    /// Compiles a graph. In a scene the stylus follows a circle; a scene without room gets a straight line.
+    /// Compiles a graph to measure its response lag. In a scene the stylus follows a circle; a scene without
+    /// room gets a straight line.
     ///
     /// # Errors
     /// Those of the compiler; a graph without a stylus.
-    pub fn new(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
+    pub fn stepped(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
         let paths = paths(Patch::of(graph, registry).unwrap_or(None).as_ref());
-        Chain::new(graph, registry, paths.into(), Options::default()).map(Self)
-    }
-
-    /// The schedule.
-    pub fn schedule(&self) -> &Schedule {
-        self.0.schedule()
-    }
-
-    /// Node and output whose level is measured: the last acceleration at the audio rate, otherwise the drive
-    /// of the coil.
-    pub fn output(&self) -> Option<(usize, usize)> {
-        self.0.output()
+        Self::new(graph, registry, paths.into(), Options::default())
     }
 
     /// Response lag \[ms\]: from a step from 40 to 121 mm/s until 10, 50 and 90 % of the change of level,
-    /// over so many steps. None where the level does not rise with speed.
-    pub fn lag_ms(mut self, steps: usize) -> Option<[f64; 3]> {
-        measured(&mut self.0, 0, steps)
+    /// over so many steps. None where the level does not rise with speed. The chain's stepped path has this
+    /// index, and the steady one is behind it.
+    pub fn lag_ms(&mut self, path: usize, steps: usize) -> Option<[f64; 3]> {
+        let periods = steps + LEFT_OUT;
+        let seconds = 2.0 * HALF_S * periods as f64;
+        self.play(path);
+        let (stepped, rate_hz) = self.render_output(seconds);
+        self.play(path + 1);
+        let (still, _) = self.render_output(seconds);
+        let half = (HALF_S * f64::from(rate_hz)) as usize;
+        let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
+        lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 })
     }
-}
-
-/// Response lag of a chain whose [`paths`] begin at an index.
-pub(crate) fn measured(chain: &mut Chain, path: usize, steps: usize) -> Option<[f64; 3]> {
-    let periods = steps + LEFT_OUT;
-    let seconds = 2.0 * HALF_S * periods as f64;
-    chain.play(path);
-    let (stepped, rate_hz) = chain.render_output(seconds);
-    chain.play(path + 1);
-    let (still, _) = chain.render_output(seconds);
-    let half = (HALF_S * f64::from(rate_hz)) as usize;
-    let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
-    lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 })
 }
 
 #[cfg(test)]

@@ -31,7 +31,6 @@ pub use choose::{Budget, Choice, Misfit};
 pub use digest::content;
 pub use figure::{Figure, Figures};
 pub use file::{Baseline, Tradeoff};
-pub use lag::Response;
 pub use results::{Fragment, Machine, Results, Row, Time};
 pub use run::{Job, Prepared};
 pub use setting::LoadedGraph;

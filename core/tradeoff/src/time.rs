@@ -291,34 +291,29 @@ mod tests {
     fn memory_excludes_what_the_process_shares() {
         use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-        #[derive(Default)]
-        struct Heap(AtomicU64);
+        struct Heap(Option<AtomicU64>);
         impl Monitor for Heap {
             fn heap_bytes(&self) -> Option<u64> {
-                Some(self.0.load(Relaxed))
+                self.0.as_ref().map(|bytes| bytes.load(Relaxed))
             }
         }
-        struct Made<'h>(&'h Heap);
+        let heap = Heap(Some(AtomicU64::new(0)));
+        let bytes = heap.0.as_ref().unwrap();
+        struct Made<'h>(&'h AtomicU64);
         impl Drop for Made<'_> {
             fn drop(&mut self) {
-                self.0.0.fetch_sub(100, Relaxed);
+                self.0.fetch_sub(100, Relaxed);
             }
         }
-        let heap = Heap::default();
-        let kept = std::cell::Cell::new(false);
         // 100 bytes, and a model of 1000 that the first one reads.
         let make = || {
-            heap.0.fetch_add(if kept.replace(true) { 100 } else { 1100 }, Relaxed);
-            Ok::<_, ()>(Made(&heap))
+            bytes.fetch_add(if bytes.load(Relaxed) == 0 { 1100 } else { 100 }, Relaxed);
+            Ok::<_, ()>(Made(bytes))
         };
-        let (first, bytes) = weighed(&heap, make).unwrap();
-        assert_eq!((bytes, heap.heap_bytes()), (Some(100), Some(1100)));
-        let (_second, bytes) = weighed(&heap, make).unwrap();
-        assert_eq!(bytes, Some(100));
-        drop(first);
-        struct Blind;
-        impl Monitor for Blind {}
-        assert_eq!(weighed(&Blind, || Ok::<_, ()>(())).unwrap().1, None);
+        let (_first, first) = weighed(&heap, make).unwrap();
+        assert_eq!((first, heap.heap_bytes()), (Some(100), Some(1100)));
+        assert_eq!(weighed(&heap, make).unwrap().1, Some(100));
+        assert_eq!(weighed(&Heap(None), || Ok::<_, ()>(())).unwrap().1, None);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use asperity_data::Subject;
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_numbers::Random;
-use asperity_plot::{Curve, Curves};
+use asperity_plot::{Chart, Plot, Scale, Trace};
 use asperity_texture::picture::Image;
 use asperity_texture::{Encoder, Library, LibraryMaterial, Model, Pattern, VECTOR_LEN};
 use burn::module::Module;
@@ -16,7 +16,6 @@ use burn::tensor::Device;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
-use serde::Deserialize;
 
 use crate::arguments::{self, Settings, Train, Trained};
 use crate::data::{self, Data, Origin};
@@ -338,12 +337,8 @@ fn judge(folder: &Path, run: &Path, begun: Begun, settings: &Settings, data: &Da
 
 /// Naming of an earlier evaluation, if there was one.
 fn named_earlier(path: &Path) -> Option<Named> {
-    #[derive(Deserialize)]
-    struct Earlier {
-        naming: Named,
-    }
-    let text = Source::read(path).ok()?;
-    serde_json::from_str::<Earlier>(text.text()).ok().map(|earlier| earlier.naming)
+    let mut earlier: serde_json::Value = serde_json::from_str(Source::read(path).ok()?.text()).ok()?;
+    serde_json::from_value(earlier.get_mut("naming")?.take()).ok()
 }
 
 /// Settings for a model's files, without the user's folder.
@@ -438,16 +433,28 @@ fn csv(stages: &[(String, Losses)]) -> String {
     text
 }
 
-fn curves(stages: &[(String, Losses)]) -> Curves {
-    let curve = |(name, losses): &(String, Losses)| Curve {
-        name: name.clone(),
-        remark: losses.last().map(|(_, loss)| format!("{loss:.4} at last")).unwrap_or_default(),
-        points: losses.iter().map(|(step, loss)| (*step as f64, *loss)).collect(),
+/// The loss of each stage over its steps, logarithmic where all are above 0.
+fn curves(stages: &[(String, Losses)]) -> Chart {
+    let plot = |(name, losses): &(String, Losses)| Plot {
+        heading: (
+            name.clone(),
+            losses.last().map(|(_, loss)| format!("{loss:.4} at last")).unwrap_or_default(),
+        ),
+        x_name: "Step".into(),
+        y: Scale { logarithmic: losses.iter().all(|(_, loss)| *loss > 0.0), range: None },
+        traces: vec![Trace {
+            lines: vec![losses.iter().map(|(step, loss)| (*step as f64, *loss)).collect()],
+            ..Trace::default()
+        }],
+        ..Plot::default()
     };
-    Curves {
+    Chart {
         title: "Training".to_owned(),
         subtitle: "mean loss since the last report, by step".to_owned(),
-        curves: stages.iter().map(curve).collect(),
+        columns: stages.len(),
+        size: [300.0, 240.0],
+        plots: stages.iter().map(plot).collect(),
+        aside: Vec::new(),
     }
 }
 

@@ -17,7 +17,7 @@ mod perceptual;
 pub mod rhythm;
 mod spectrogram;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 
 use long_term::{BANDS, band_rms_db, bands_db, level_db, spectrum_db};
 use perceptual::perceptual;

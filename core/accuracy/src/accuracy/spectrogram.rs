@@ -180,16 +180,7 @@ mod tests {
                 assert!((p[9] - 25.0 / 12.0).abs() < near && (p[11] - 25.0 / 12.0).abs() < near);
                 assert!(p[30] < 1e-4 && p[8] < 1e-4, "{rate}");
             }
-            assert_eq!(
-                seen.bins(),
-                if rate == 1000.0 {
-                    48
-                } else if rate == 1024.0 {
-                    50
-                } else {
-                    99
-                }
-            );
+            assert_eq!(seen.bins(), ((0.5 * rate - 20.0) / 10.0).ceil().min(99.0) as usize);
         }
     }
 

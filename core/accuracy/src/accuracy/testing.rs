@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 /// A white, nearly Gaussian noise of a root mean square, the same for the same seed.
-pub(super) fn noise(seed: u64, count: usize, rms: f64) -> Vec<f64> {
+pub(crate) fn noise(seed: u64, count: usize, rms: f64) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mut uniform = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);

@@ -6,9 +6,9 @@ use burn::tensor::Device;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Written;
 use super::magnitudes::{Judge, Judged};
 use super::statistics::Statistics;
+use super::{Written, average};
 use crate::Failure;
 use crate::data::Data;
 use crate::stages::mean_vector;
@@ -183,13 +183,12 @@ pub(super) fn strangers(
         let images: Vec<&[f32]> = own.chunks_exact(VECTOR_LEN).collect();
         let some = images.iter().step_by((images.len() / ALONE).max(1)).take(ALONE);
         let alone: Vec<[f32; VECTOR_LEN]> = some.map(|v| mean_vector(v)).collect();
+        // None if one of them is.
         let error = |how| -> Result<Option<f64>, Failure> {
-            let mut sum = (!alone.is_empty()).then_some(0.0);
-            for vector in &alone {
-                let error = judge.error_db(written.library.assign(vector, how).as_slice(), &judged)?;
-                sum = sum.zip(error).map(|(sum, error)| sum + error);
-            }
-            Ok(sum.map(|sum| sum / alone.len() as f64))
+            let one = |vector| judge.error_db(written.library.assign(vector, how).as_slice(), &judged);
+            let errors = alone.iter().map(one).collect::<Result<Vec<Option<f64>>, Failure>>()?;
+            let errors: Option<Vec<f64>> = errors.into_iter().collect();
+            Ok(errors.and_then(|errors| average(errors.into_iter())))
         };
         let mut best_db = None;
         for material in materials {

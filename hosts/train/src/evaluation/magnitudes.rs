@@ -4,6 +4,7 @@ use asperity_numbers::Random;
 use asperity_texture::{Answer, Choice, Library, Model, Precision, Range, Runner, hold_magnitudes};
 use serde::Serialize;
 
+use super::average;
 use crate::Failure;
 use crate::data::Reach;
 use crate::loss::Target;
@@ -173,8 +174,7 @@ impl Errors {
 
     /// Their mean size; none if nothing was judged.
     fn mean(&self) -> Option<f64> {
-        let sum: f64 = self.0.iter().map(|e| e.abs()).sum();
-        (!self.0.is_empty()).then(|| sum / self.0.len() as f64)
+        average(self.0.iter().map(|e| e.abs()))
     }
 }
 
