@@ -46,7 +46,6 @@ pub(super) struct Placement {
     pub(super) layers: Vec<Vec<usize>>,
     /// Vertices of each edge, its ends included.
     pub(super) chains: Vec<Vec<usize>>,
-    /// Centre of each vertex.
     pub(super) x: Vec<f64>,
 }
 

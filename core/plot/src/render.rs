@@ -75,7 +75,6 @@ impl Signal {
 }
 
 impl Render {
-    /// The signals from top to bottom.
     fn signals(&self) -> Vec<Signal> {
         let gate = self.gate_mm_s.map(|value| (value, format!("gate {value} mm/s")));
         let all = [
@@ -229,7 +228,6 @@ fn draw_spectrogram(svg: &mut Svg, series: &Series, spectrogram: &Spectrogram, p
     }
 }
 
-/// Text with a capital first letter.
 fn sentence(text: &str) -> String {
     let mut chars = text.chars();
     chars.next().map_or_else(String::new, |c| c.to_uppercase().chain(chars).collect())

@@ -55,7 +55,6 @@ impl Series {
         (a.is_finite() && b.is_finite() && b >= a).then_some((a, b))
     }
 
-    /// Whether there is anything to draw.
     pub(super) fn has_data(&self) -> bool {
         self.time_range().is_some() && self.data.iter().any(|v| v.is_finite())
     }

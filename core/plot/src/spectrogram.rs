@@ -12,10 +12,8 @@ const MAX_COLUMNS: usize = 600;
 const ROWS: usize = 128;
 /// Most frames for one column, where columns are further apart than windows.
 const FRAMES_A_COLUMN: usize = 4;
-/// Range of the colours in dB.
 pub(super) const RANGE_DB: f64 = 60.0;
 
-/// Levels over time and frequency.
 pub(super) struct Spectrogram {
     /// Levels in dB re 1 of the signal's unit, row by row from the highest frequency down.
     pub(super) levels: Vec<f32>,

@@ -29,18 +29,20 @@ pub struct Chain {
     path: Arc<AtomicUsize>,
 }
 
-/// Recorded signals, as indices of node and output.
+/// Node and output of a signal.
+type At = Option<(usize, usize)>;
+
 #[derive(Clone, Debug, Default)]
 struct Places {
     /// Magnitudes that a node retrieves phase from, and the first audio signal behind it.
-    frames: Option<(usize, usize)>,
-    signal: Option<(usize, usize)>,
+    frames: At,
+    signal: At,
     /// Latency between the two.
     between: Latency,
     /// The last acceleration at the audio rate.
-    felt: Option<(usize, usize)>,
+    felt: At,
     /// The signal that drives the coil.
-    drive: Option<(usize, usize)>,
+    drive: At,
     /// The actuator, at rest.
     plant: Option<Plant>,
 }
@@ -140,7 +142,6 @@ impl Chain {
         Ok(Self { engine: Engine::new(compiled, options), schedule, places, path })
     }
 
-    /// Resets the graph, and lets the stylus follow the path of this index.
     pub(crate) fn play(&mut self, path: usize) {
         self.path.store(path, Ordering::Relaxed);
         self.engine.reset();
@@ -180,14 +181,17 @@ impl Chain {
         late.get(end).copied().flatten().unwrap_or_default()
     }
 
+    fn ticks(&self, seconds: f64) -> u64 {
+        (seconds * f64::from(self.schedule.tick_hz)).round() as u64
+    }
+
     /// Renders so many seconds, and records all signals.
     pub fn render(&mut self, seconds: f64) -> Rendered {
-        let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
         let mut out = Rendered { rate_hz: self.schedule.audio_hz, ..Rendered::default() };
         out.framing = self.places.frames.and_then(|at| framing(&self.schedule, at));
         let scale = out.framing.map_or(0.0, |framing| framing.bin_scale() as f32);
         let (mut signal, mut plant) = (Vec::new(), self.places.plant.clone());
-        for _ in 0..ticks {
+        for _ in 0..self.ticks(seconds) {
             self.engine.tick();
             let buffer = self.places.frames.and_then(|(node, output)| self.engine.output(node, output));
             if let (Some(framing), Some(Buffer::Magnitude { bins, frame: Some((number, _)), .. })) =
@@ -199,11 +203,10 @@ impl Chain {
             }
             signal.extend(self.samples(self.places.signal).iter().map(|x| f64::from(*x)));
             out.felt.extend_from_slice(self.samples(self.places.felt));
-            let (from, drive) = (out.drive.len(), self.samples(self.places.drive));
+            let drive = self.samples(self.places.drive);
             out.drive.extend_from_slice(drive);
             if let Some(plant) = &mut plant {
-                let step = |u: &f32| plant.step(f64::from(*u)).acceleration;
-                out.handle.extend(out.drive[from..].iter().map(step));
+                out.handle.extend(drive.iter().map(|u| plant.step(f64::from(*u)).acceleration));
             }
         }
         if let Some(framing) = &out.framing {
@@ -214,17 +217,15 @@ impl Chain {
 
     /// Renders so many seconds of [`output`](Self::output). Returns the samples and their rate \[Hz\].
     pub(crate) fn render_output(&mut self, seconds: f64) -> (Vec<f32>, u32) {
-        let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
-        let at = self.output();
         let mut felt = Vec::new();
-        for _ in 0..ticks {
+        for _ in 0..self.ticks(seconds) {
             self.engine.tick();
-            felt.extend_from_slice(self.samples(at));
+            felt.extend_from_slice(self.samples(self.output()));
         }
         (felt, self.schedule.audio_hz)
     }
 
-    fn samples(&self, at: Option<(usize, usize)>) -> &[f32] {
+    fn samples(&self, at: At) -> &[f32] {
         match at.and_then(|(node, output)| self.engine.output(node, output)) {
             Some(Buffer::Audio { samples, len, .. }) => samples.get(..*len).unwrap_or(&[]),
             _ => &[],
@@ -242,7 +243,6 @@ fn earlier(signal: Vec<f64>, latency: Latency, rate_hz: u32) -> Vec<f64> {
     }
 }
 
-/// Layout of the frames at an output.
 fn framing(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Framing> {
     let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else { return None };
     Some(Framing {
@@ -315,15 +315,16 @@ mod tests {
             r#""t": (kind: "texture_network", params: (material: "oak", materials: ["cut pile", "canvas"])),
             "u": (kind: "texture_network", params: (material: "oak"))"#,
         );
-        let registry = asperity_nodes::registry();
-        let over = over(&graph, &registry, Some("leather"), 7);
-        let text = over.node("t").unwrap().to_string();
-        assert!(
-            text.contains(r#"material: "leather""#) && text.contains(r#"materials: ["leather", "leather"]"#),
-            "{text}"
-        );
-        let text = over.node("u").unwrap().to_string();
-        assert!(text.contains(r#"material: "leather""#) && !text.contains("materials"), "{text}");
+        let over = over(&graph, &asperity_nodes::registry(), Some("leather"), 7);
+        let text = |node: &str| over.node(node).unwrap().to_string();
+        for (node, want) in [
+            ("t", r#"material: "leather""#),
+            ("t", r#"materials: ["leather", "leather"]"#),
+            ("u", r#"material: "leather""#),
+        ] {
+            assert!(text(node).contains(want), "{want}: {}", text(node));
+        }
+        assert!(!text("u").contains("materials"), "{}", text("u"));
     }
 
     #[test]

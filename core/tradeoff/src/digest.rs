@@ -4,8 +4,8 @@ use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{file, fnv};
-use asperity_graph::{GraphFile, compile};
-use asperity_node::{ParamKind, ParamValue, Registry};
+use asperity_graph::compile;
+use asperity_node::{ParamKind, ParamValue};
 
 use crate::chain::over;
 use crate::knob::has;
@@ -35,7 +35,6 @@ pub fn content(path: &Path) -> String {
     file::read(path, MAX_BYTES).map_or_else(|_| "none".to_owned(), |bytes| of_bytes(&bytes))
 }
 
-/// Digest of bytes, in hexadecimal digits.
 pub(crate) fn of_bytes(bytes: &[u8]) -> String {
     format!("{:016x}", fnv(bytes))
 }
@@ -43,16 +42,23 @@ pub(crate) fn of_bytes(bytes: &[u8]) -> String {
 /// Names and contents of all files that graphs read, sorted.
 fn files(settings: &[Setting<'_>], material: Option<&str>) -> BTreeSet<String> {
     let (mut seen, mut paths) = (HashSet::new(), BTreeSet::new());
-    for setting in settings {
-        let base = setting.base;
+    for Setting { base, graph, .. } in settings {
         paths.extend(base.plugins.iter().cloned());
-        let (named, files) = named(&setting.graph, &base.registry);
+        // Parameters that may name files.
+        let mut named = String::new();
+        for (node, param) in graph.nodes.iter().flat_map(|n| n.params.iter().map(move |p| (n, p))) {
+            let kind = has(&base.registry, &node.kind, &param.name);
+            if matches!(kind, Some(ParamKind::File | ParamKind::Text)) {
+                let from = param.value.place();
+                named += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
+                paths.extend(param.value.path().ok().filter(|path| path.is_file()));
+            }
+        }
         // Compiled once for the same named files: it finds the files that these name.
         if !seen.insert(named) {
             continue;
         }
-        paths.extend(files);
-        let graph = over(&setting.graph, &base.registry, material, setting.graph.seed);
+        let graph = over(graph, &base.registry, material, graph.seed);
         let Ok(compiled) = compile(&graph, &base.registry, Default::default()) else { continue };
         for node in &compiled.schedule.nodes {
             paths.extend(node.params.iter().filter_map(|(_, value)| match value {
@@ -64,21 +70,6 @@ fn files(settings: &[Setting<'_>], material: Option<&str>) -> BTreeSet<String> {
     }
     let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     paths.iter().map(|path| format!("{} {}", name(path), content(path))).collect()
-}
-
-/// Parameters that may name files, as text, and the files that exist.
-fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
-    let (mut text, mut files) = (String::new(), Vec::new());
-    for node in &graph.nodes {
-        for param in &node.params {
-            if matches!(has(registry, &node.kind, &param.name), Some(ParamKind::File | ParamKind::Text)) {
-                let from = param.value.place();
-                text += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
-                files.extend(param.value.path().ok().filter(|path| path.is_file()));
-            }
-        }
-    }
-    (text, files)
 }
 
 #[cfg(test)]
@@ -105,20 +96,24 @@ mod tests {
     fn digest_depends_on_files_and_version_only() {
         let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
         let csv = "t_s,x_mm,y_mm,z_mm\n0,0,0,-1\n1,100,0,-1\n";
-        let write = |name: &str, text: &str| std::fs::write(dirs[1].path().join(name), text).unwrap();
-        std::fs::write(dirs[0].path().join("t.csv"), csv).unwrap();
-        std::fs::write(dirs[0].path().join("mine.so"), "plugin").unwrap();
-        write("t.csv", csv);
-        write("mine.so", "plugin");
+        let write = |dir: usize, name: &str, text: &str| {
+            std::fs::write(dirs[dir].path().join(name), text).unwrap();
+        };
+        for dir in 0..2 {
+            write(dir, "t.csv", csv);
+            write(dir, "mine.so", "plugin");
+        }
         let here = ("cpu", "asperity 1", "p");
         let one = digest(dirs[0].path(), here);
         assert_eq!(digest(dirs[1].path(), ("other", "asperity 1", "q")), one);
         assert_ne!(digest(dirs[0].path(), ("cpu", "asperity 2", "p")), one);
-        write("mine.so", "another");
-        assert_ne!(digest(dirs[1].path(), here), one);
-        write("mine.so", "plugin");
-        assert_eq!(digest(dirs[1].path(), here), one);
-        write("t.csv", &csv.replace("100", "90"));
-        assert_ne!(digest(dirs[1].path(), here), one);
+        for (name, text, other) in
+            [("mine.so", "plugin", "another"), ("t.csv", csv, &csv.replace("100", "90"))]
+        {
+            write(1, name, other);
+            assert_ne!(digest(dirs[1].path(), here), one, "{name}");
+            write(1, name, text);
+            assert_eq!(digest(dirs[1].path(), here), one, "{name}");
+        }
     }
 }

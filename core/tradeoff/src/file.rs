@@ -74,7 +74,6 @@ pub(crate) struct Grid {
     pub knobs: Vec<(Knob, Vec<Value>)>,
 }
 
-/// How tick times are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Times {
     /// Turns of each setting.

@@ -4,14 +4,13 @@ use std::collections::{BTreeSet, HashMap};
 
 use asperity_diagnostics::Diagnostic;
 
-use crate::figure::{Figure, Figures};
+use crate::figure::Figure;
 use crate::results::{Results, Row, Time};
 use crate::time::Batch;
 
 /// Two-sided 95 % quantile of the normal distribution: 95 % of differences by chance are smaller.
 const DEVIATIONS: f64 = 1.96;
 
-/// Median; 0 of nothing.
 pub(crate) fn median(mut all: Vec<f64>) -> f64 {
     all.sort_by(f64::total_cmp);
     match all.len() {
@@ -60,8 +59,7 @@ pub(crate) fn idle(batches: &[Batch]) -> Option<Time> {
         misses: batches.iter().map(|b| b.idle.misses).sum(),
         ticks: batches.iter().map(|b| b.idle.ticks).sum(),
         stall_us: of(|t| t.stall_us),
-        memory_kib: None,
-        faults: 0,
+        ..Time::default()
     })
 }
 
@@ -75,11 +73,9 @@ pub(crate) fn find_floors(results: &mut Results) {
             results.rows.iter().map(|r| r.draws.iter().filter_map(|d| d.get(&figure).copied()).collect());
         Some((figure, pooled(draws)?))
     };
-    let floor: Figures = Figure::all().filter_map(of).collect();
-    let lag = pooled(results.rows.iter().map(|r| r.lag_draws_ms.clone()));
     let spreads: Vec<f64> = results.rows.iter().filter_map(|r| r.time.map(|t| t.spread)).collect();
-    results.noise_floor = floor;
-    results.lag_noise_floor_ms = lag;
+    results.noise_floor = Figure::all().filter_map(of).collect();
+    results.lag_noise_floor_ms = pooled(results.rows.iter().map(|r| r.lag_draws_ms.clone()));
     results.load_noise_floor = (!spreads.is_empty()).then(|| median(spreads));
 }
 

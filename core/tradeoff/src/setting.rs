@@ -81,7 +81,7 @@ impl<'a> Settings<'a> {
                 if bases.iter().all(|base| lacks(&base)) && !bases.is_empty() && !tradeoff.lenient {
                     let graphs: Vec<&str> = bases.iter().map(|b| b.name.as_str()).collect();
                     let message = format!("no graph has the knob `{}`: {}", knob.name, graphs.join(", "));
-                    let near = knob.nearest(bases.iter().map(|b| (&b.graph, &b.registry)));
+                    let near = knob.nearest(bases);
                     return Err(Diagnostic::new(message).at_place(&knob.place).help(near));
                 }
                 for base in bases.iter().filter(lacks) {
@@ -109,7 +109,6 @@ impl<'a> Settings<'a> {
         }
     }
 
-    /// Adds all combinations of a grid.
     fn add_grid(
         &mut self,
         base: &'a LoadedGraph,

@@ -65,7 +65,6 @@ struct Entry {
     /// Time for which a tick without a chain spins \[ns\].
     spin_ns: u64,
     tick_hz: u32,
-    /// Ticks in a block.
     block: u64,
     ticks: Timing,
     blocks: Timing,
@@ -127,13 +126,13 @@ impl Entry {
         }
     }
 
-    /// An idle entry that spins for this one's median tick, at its tick rate.
-    fn idle(&mut self) -> Self {
-        self.turn(WARM_MS, true);
-        let idle = Self::spins(self.ticks.summary().p50_ns, self.tick_hz, self.block);
+    /// Runs a turn that does not count. Returns the median tick \[ns\].
+    fn warm(&mut self) -> u64 {
+        self.turn(WARM_MS);
         let fresh = Self::spins(self.spin_ns, self.tick_hz, self.block);
-        *self = Self { chain: self.chain.take(), memory: self.memory, ..fresh };
-        idle
+        let warmed = std::mem::replace(self, fresh);
+        (self.chain, self.memory) = (warmed.chain, warmed.memory);
+        warmed.ticks.summary().p50_ns
     }
 
     /// Runs a tick, and returns its time \[ns\].
@@ -151,33 +150,25 @@ impl Entry {
     }
 
     /// Runs a turn: a whole number of blocks, at least one.
-    fn turn(&mut self, ms: u64, counts: bool) {
+    fn turn(&mut self, ms: u64) {
         let block = self.block.max(1);
         let blocks = (u64::from(self.tick_hz) * ms / 1000 / block).max(1);
         let tick_ns = 1_000_000_000 / u64::from(self.tick_hz);
         let mut turn = Timing::new(3);
-        if counts {
-            let cold = self.tick();
-            self.cold.push(cold as f64 / 1e3);
-        }
+        let cold = self.tick();
+        self.cold.push(cold as f64 / 1e3);
         for _ in 0..blocks {
             let mut sum = 0;
             for _ in 0..block {
                 let ns = self.tick();
                 sum += ns;
-                if counts {
-                    self.ticks.record(ns);
-                    self.misses += u64::from(ns > tick_ns);
-                }
+                self.ticks.record(ns);
+                self.misses += u64::from(ns > tick_ns);
             }
-            if counts {
-                self.blocks.record(sum);
-                turn.record(sum);
-            }
+            self.blocks.record(sum);
+            turn.record(sum);
         }
-        if counts {
-            self.turns.push(turn.summary().p50_ns as f64);
-        }
+        self.turns.push(turn.summary().p50_ns as f64);
     }
 
     fn time(&self) -> Time {
@@ -225,8 +216,8 @@ pub(crate) fn batch(
     monitor: &dyn Monitor,
 ) -> Result<Option<Batch>, Diagnostic> {
     let mut first = Entry::new(anchor, material, monitor)?;
-    first.turn(WARM_MS, false);
-    let idle = first.idle();
+    first.warm();
+    let idle = Entry::spins(first.warm(), first.tick_hz, first.block);
     let mut entries = vec![idle, first];
     let mut made: Vec<Result<(), String>> = Vec::new();
     for setting in settings {
@@ -234,7 +225,7 @@ pub(crate) fn batch(
         made.push(entry.map(|entry| entries.push(entry)).map_err(|e| e.to_string()));
     }
     for entry in entries.iter_mut().skip(2) {
-        entry.turn(WARM_MS, false);
+        entry.warm();
     }
     let mut order: Vec<usize> = (0..entries.len()).collect();
     for turn in 0..times.turns {
@@ -243,7 +234,7 @@ pub(crate) fn batch(
             if monitor.stopped() {
                 return Ok(None);
             }
-            entries[i].turn(times.turn_ms, true);
+            entries[i].turn(times.turn_ms);
         }
         monitor.advanced(1);
     }
@@ -338,12 +329,12 @@ mod tests {
     #[test]
     fn turn_is_whole_blocks() {
         let mut entry = Entry::spins(0, 500, 16);
-        entry.turn(100, false);
+        entry.warm();
         assert_eq!(entry.time().ticks, 0);
-        entry.turn(100, true);
+        entry.turn(100);
         // 50 ticks are three blocks. A turn has at least one.
         assert_eq!(entry.time().ticks, 48);
-        entry.turn(8, true);
+        entry.turn(8);
         assert_eq!(entry.time().ticks, 64);
         entry.blocks = Timing::new(3);
         entry.blocks.record(320_000);
@@ -354,11 +345,10 @@ mod tests {
     #[test]
     fn idle_tick_lasts_as_long_as_the_default() {
         let mut beside = Entry::spins(30_000, 500, 4);
-        let mut idle = beside.idle();
-        assert_eq!(beside.time().ticks, 0);
-        assert_eq!(beside.spin_ns, 30_000);
+        let mut idle = Entry::spins(beside.warm(), 500, 4);
+        assert_eq!((beside.time().ticks, beside.spin_ns), (0, 30_000));
         for entry in [&mut beside, &mut idle] {
-            entry.turn(40, true);
+            entry.turn(40);
         }
         let (beside, idle) = (beside.time(), idle.time());
         assert_eq!(beside.ticks, idle.ticks);

@@ -118,12 +118,10 @@ network for the other target is that of the first training.
     )
 }
 
-/// Lines of a table.
 fn lines<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
     rows.map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
 }
 
-/// A name, in a table.
 fn cell(name: &str) -> String {
     name.replace(char::is_control, " ").replace('|', "\\|")
 }
@@ -137,7 +135,6 @@ fn decibels(figure: Option<f64>) -> String {
     figure.map_or_else(|| "-".to_owned(), |db| format!("{db:.2}"))
 }
 
-/// Scores with judged bins.
 fn judged(scores: &[Score]) -> impl Iterator<Item = &Score> + Clone {
     scores.iter().filter(|s| s.bins > 0)
 }

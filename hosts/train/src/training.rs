@@ -29,7 +29,6 @@ use crate::{Failure, model_report, onnx, pattern};
 
 /// Learning rate of settling as a part of stage two's.
 const SETTLING: f64 = 0.05;
-/// File of the settings in a model's folder.
 const SETTINGS: &str = "settings.json";
 
 /// Trains a model and writes it.
@@ -251,7 +250,6 @@ fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f3
     all.map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat()).collect()
 }
 
-/// Settings of a model.
 pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
     serde_json::from_str(Source::read(&path)?.text())
@@ -295,13 +293,11 @@ pub(crate) fn evaluate(Trained { folder, run, data }: &Trained) -> Result<(), Fa
     judge(folder, &run_folder(folder, run.as_deref()), begun(&settings, &data), &settings, &data)
 }
 
-/// Result of stage one, from the run's folder.
 fn namer_of(run: &Path, begun: Begun, settings: &Settings, data: &Data) -> Result<Option<Namer>, Failure> {
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &Device::flex());
     descent::of_checkpoint(&run.join("naming.checkpoint"), begun, settings.naming_steps as usize, namer)
 }
 
-/// File of the network for the other target.
 fn other_file(target: Target) -> String {
     format!("texture_{}.onnx", target.other().name())
 }
@@ -396,7 +392,6 @@ fn file_name(name: &str, taken: &mut HashSet<String>) -> String {
     std::iter::once(plain.clone()).chain(numbered).find(free).unwrap_or(plain)
 }
 
-/// An image as a JPEG file of good quality.
 fn jpeg(image: &Image) -> Result<Vec<u8>, Failure> {
     let [rows, columns] = image.size;
     let mut bytes = Vec::new();
@@ -458,7 +453,6 @@ fn curves(stages: &[(String, Losses)]) -> Chart {
     }
 }
 
-/// Refuses a folder with a model of other settings.
 fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let alike = |found: Settings| Settings { network_steps: settings.network_steps, ..found } == *settings;
     if !out.join(SETTINGS).exists() || settings_of(out).is_ok_and(alike) {

@@ -5,7 +5,6 @@ use super::{LIMIT_DB, SILENCE_M_S2};
 
 /// Range below the truth's loudest bin, or band, that counts \[dB\].
 const RANGE_DB: f64 = 40.0;
-/// Bands.
 pub(super) const BANDS: usize = 9;
 /// First and last edge of the bands in Hz.
 const EDGES_HZ: (f64, f64) = (20.0, 1000.0);

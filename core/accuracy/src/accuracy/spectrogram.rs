@@ -11,7 +11,6 @@ pub const FIRST_HZ: f64 = 20.0;
 pub const STEP_HZ: f64 = 10.0;
 /// Bins: 20, 30, .. 1000 Hz.
 pub const BINS: usize = 99;
-/// Length of a window in seconds.
 const WINDOW_S: f64 = 0.1;
 /// From one window to the next in seconds: a quarter of a window.
 pub const HOP_S: f64 = 0.025;
@@ -106,7 +105,6 @@ pub(super) fn check(axes: &[&[f64]], rate_hz: f64) -> Result<usize, AccuracyErro
     }
 }
 
-/// Frequency of a bin in Hz.
 pub(super) fn bin_hz(bin: usize) -> f64 {
     FIRST_HZ + STEP_HZ * bin as f64
 }
@@ -137,14 +135,12 @@ impl Transform {
         Self::Direct { kernels: (0..bins).map(kernel).collect(), samples: length }
     }
 
-    /// Samples of a window.
     fn length(&self) -> usize {
         match self {
             Self::Fast { samples, .. } | Self::Direct { samples, .. } => *samples,
         }
     }
 
-    /// Adds a window's powers.
     fn add(&mut self, window: &[f64], powers: &mut [f64; BINS]) {
         match self {
             Self::Fast { stft, bins, .. } => {

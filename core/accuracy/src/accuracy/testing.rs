@@ -13,13 +13,11 @@ pub(crate) fn noise(seed: u64, count: usize, rms: f64) -> Vec<f64> {
     (0..count).map(|_| rms * (0..12).map(|_| uniform()).sum::<f64>()).collect()
 }
 
-/// A sine.
 pub(super) fn sine(amplitude: f64, hz: f64, rate_hz: f64, seconds: f64) -> Vec<f64> {
     let samples = (rate_hz * seconds).round() as usize;
     (0..samples).map(|n| amplitude * (TAU * hz * n as f64 / rate_hz + 0.7).sin()).collect()
 }
 
-/// A signal times a gain in dB.
 pub(super) fn louder(signal: &[f64], db: f64) -> Vec<f64> {
     let gain = 10f64.powf(db / 20.0);
     signal.iter().map(|x| gain * x).collect()

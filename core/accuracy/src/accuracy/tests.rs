@@ -11,7 +11,6 @@ fn agreement(
     compare(&Spectrogram::new(&[rendered], rate_hz)?, &[Spectrogram::new(truth, truth_rate_hz)?])
 }
 
-/// Lines at frequencies with amplitudes.
 fn lines(of: &[(f64, f64)], rate_hz: f64) -> Vec<f64> {
     let all: Vec<Vec<f64>> = of.iter().map(|(hz, amplitude)| sine(*amplitude, *hz, rate_hz, 2.0)).collect();
     (0..all[0].len()).map(|n| all.iter().map(|line| line[n]).sum()).collect()

@@ -175,7 +175,6 @@ fn invalid(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
 }
 
-/// Writes the header of a float32 array.
 fn write_header(to: &mut impl Write, shape: &[usize]) -> io::Result<()> {
     let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {}, }}", print_shape(shape));
     let room = HEADER - 11;

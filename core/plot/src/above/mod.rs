@@ -58,19 +58,16 @@ pub struct Moment {
 
 const LEFT: f64 = 64.0;
 const RIGHT: f64 = 850.0;
-/// Left and right edge of the legend.
 const ASIDE: f64 = 884.0;
 const END: f64 = 1100.0;
 const HEADING: f64 = 30.0;
 const BELOW: f64 = 50.0;
 /// Least and greatest height of the map in pixels.
 const HEIGHT: [f64; 2] = [200.0, 520.0];
-/// Height of a row of the legend.
 const ROW: f64 = 19.0;
 /// Height of a row of the strip over time, and of its bars.
 const STRIP_ROW: f64 = 14.0;
 const BAR: f64 = 9.0;
-/// Distance of grid lines in pixels.
 const GRID_SPACING: f64 = 70.0;
 /// Most outlines that are drawn, those that were touched first, and most surfaces that are named.
 const MOST_OUTLINES: usize = 4000;
@@ -221,18 +218,15 @@ fn view(path: Option<Bounds>, surfaces: impl Iterator<Item = Bounds>) -> Bounds 
 }
 
 impl Laid<'_> {
-    /// Lower end, labels included.
     pub(super) fn bottom(&self) -> f64 {
         self.panel.y.pixels[0] + BELOW
     }
 
-    /// The map in pixels.
     fn frame(&self) -> Bounds {
         let [bottom, top] = self.panel.y.pixels;
         [[LEFT, top], [RIGHT, bottom]]
     }
 
-    /// Draws the map and its legend.
     pub(super) fn draw(&self, svg: &mut Svg) {
         let Panel { x, y } = &self.panel;
         let [[left, top], [right, bottom]] = self.frame();
@@ -311,7 +305,6 @@ impl Laid<'_> {
         all - draw_names(svg, &areas, self.frame())
     }
 
-    /// Draws the path and its lanes.
     fn draw_path(&self, svg: &mut Svg) {
         for (bit, d) in lanes(&self.pieces, COLOURS.len()).iter().enumerate() {
             let name = self.above.effects.get(bit).map_or("", String::as_str);
@@ -326,7 +319,6 @@ impl Laid<'_> {
         }
     }
 
-    /// The legend beside the map.
     fn legend(&self, svg: &mut Svg) {
         let mut y = self.panel.y.pixels[1] + 4.0;
         let row = |svg: &mut Svg, y: f64, stroke: &str, name: &str, share: f64| {

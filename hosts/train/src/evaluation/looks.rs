@@ -36,7 +36,6 @@ pub(crate) struct Naming {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Strangers {
     pub surfaces: Vec<Stranger>,
-    /// Families of neighbours, if materials have families.
     pub families: Option<Families>,
 }
 
@@ -45,7 +44,6 @@ pub(crate) struct Strangers {
 pub(crate) struct Families {
     /// Part of surfaces, by the mean of their images' vectors.
     pub surfaces: f64,
-    /// Part of single images.
     pub images: f64,
     /// Part of images that the linear classifier of plain statistics gives a material of the right
     /// family.
@@ -71,14 +69,12 @@ pub(crate) struct Stranger {
     pub best_db: Option<f64>,
 }
 
-/// Images of a surface to judge alone.
 pub(crate) const ALONE: usize = 8;
 
 fn all(subjects: &[Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &Image)> {
     subjects.iter().enumerate().flat_map(|(n, s)| part(s).iter().map(move |image| (n, image))).collect()
 }
 
-/// Vectors of images.
 fn vectors(encoder: &Encoder, images: &[(usize, &Image)]) -> Result<Vec<[f32; VECTOR_LEN]>, Failure> {
     Ok(images.par_iter().map(|(_, image)| encoder.encode(image)).collect::<Result<_, _>>()?)
 }
@@ -99,7 +95,6 @@ fn part_of(all: usize, some: usize) -> f64 {
     some as f64 / all.max(1) as f64
 }
 
-/// Judges names.
 pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
     let by_vector: Vec<usize> =

@@ -13,7 +13,6 @@ use crate::loss::Target;
 pub(crate) const AUDIBLE_M_S2: f64 = 0.01;
 /// Largest distance of a judged bin below the frame's largest [dB].
 pub(crate) const RANGE_DB: f64 = 40.0;
-/// Neighbours of the smoother lookup.
 const SMOOTH: usize = 20;
 
 /// Mean errors of one material's magnitudes in dB, over the judged bins of all frames.
@@ -56,7 +55,6 @@ pub(crate) struct Scatter {
     pub variance_answered: f64,
 }
 
-/// A written network with one vector, run as the node runs it.
 struct Touched {
     range: Range,
     runner: Runner,
@@ -88,7 +86,6 @@ impl Touched {
     }
 }
 
-/// True magnitudes of held-out strokes.
 pub(crate) struct Judged {
     frames: Vec<(Expectation, [Option<f64>; BINS])>,
 }
@@ -162,7 +159,6 @@ fn power(magnitudes: &[f32; BINS]) -> f64 {
     magnitudes.iter().map(|m| f64::from(*m).powi(2)).sum()
 }
 
-/// Errors over judged bins.
 #[derive(Default)]
 struct Errors(Vec<f64>);
 
@@ -200,7 +196,6 @@ impl Judge<'_> {
         Ok(errors)
     }
 
-    /// All figures of a material.
     pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
         let train = &subject.examples.train;
         let average = |of: &mut dyn Iterator<Item = &Example>| {

@@ -22,21 +22,16 @@ use crate::loss::{Target, square_of_noise};
 use crate::stages::Namer;
 use magnitudes::{Judge, Judged};
 
-/// A written model.
 pub(crate) struct Written {
     pub encoder: Encoder,
     /// For the settings' target.
     pub network: Model,
-    /// Network for the other target, if it was trained.
     pub other: Option<Model>,
-    /// Result of stage one, from the run's folder.
     pub namer: Option<Namer>,
     pub library: Library,
-    /// Earlier result of naming, if any.
     pub named: Option<Naming>,
 }
 
-/// All results.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Evaluation {
     pub naming: Naming,
@@ -59,9 +54,7 @@ pub(crate) struct Level {
     pub family: String,
     /// Level of the true means: the best result of a network for means.
     pub exact_mean_db: Option<f64>,
-    /// Level of the network for means.
     pub mean_db: Option<f64>,
-    /// Level of the network for power.
     pub rms_db: Option<f64>,
 }
 
@@ -80,7 +73,6 @@ pub(crate) fn places(settings: &Settings) -> [usize; 2] {
     [PLACES * pieces, PLACES / 2 * pieces]
 }
 
-/// Truth of a subject under test.
 struct Known {
     within: Vec<Expectation>,
     /// Beyond the trained range, if it can be known.
@@ -111,7 +103,6 @@ fn truths(settings: &Settings, data: &Data) -> Result<(Vec<Known>, Vec<Vec<Expec
     Ok((seen.par_iter().map(known).collect(), unseen.par_iter().map(within).collect()))
 }
 
-/// An example as its own expectation.
 fn target_of(example: &Example, truth: Truth) -> Expectation {
     let [mean, rms] = [Target::Mean, Target::Rms].map(|t| example.magnitudes.map(|m| t.of(m, truth)));
     // One frame tells nothing of the scatter of others.
@@ -120,13 +111,11 @@ fn target_of(example: &Example, truth: Truth) -> Expectation {
     Expectation { mean, rms, variance, example: Example { other: None, ..example.clone() } }
 }
 
-/// The mean; none of nothing.
 pub(crate) fn average(figures: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = figures.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
     (count > 0.0).then(|| sum / count)
 }
 
-/// Figures of one material.
 struct Judgement {
     score: Score,
     beyond: Option<Score>,
@@ -135,7 +124,6 @@ struct Judgement {
     scatter: Option<Scatter>,
 }
 
-/// Evaluates a model on held-out data.
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
     let (seen, unseen) = truths(settings, data)?;
     let target = settings.target;

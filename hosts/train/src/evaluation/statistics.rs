@@ -14,13 +14,11 @@ use rustfft::{Fft, FftPlanner};
 
 use crate::layer::{Layer, numbers, rows};
 
-/// Edge of the middle square for the spectrum.
 const SIDE: usize = 192;
 /// Rings of spatial frequency, of equal ratio, from one period a side to half the side.
 const RINGS: usize = 24;
 /// Numbers of an image: mean, deviation and rings of each colour.
 const NUMBERS: usize = 3 * (2 + RINGS);
-/// Training steps of the classifier, each on all images.
 const STEPS: usize = 400;
 
 /// A linear classifier of an image's mean colours, their deviations, and their radial power spectra in dB.
@@ -31,7 +29,6 @@ pub(super) struct Statistics {
 }
 
 impl Statistics {
-    /// Trains a classifier on images with their class.
     pub(super) fn trained(images: &[(usize, &Image)], classes: usize) -> Self {
         let all = of(images);
         let count = all.len().max(1) as f32;
@@ -58,7 +55,6 @@ impl Statistics {
         baseline
     }
 
-    /// Classes of images by the classifier.
     pub(super) fn names(&self, images: &[(usize, &Image)]) -> Vec<usize> {
         let scores = self.layer.forward(self.scaled(&of(images), &Device::flex()));
         let [_, classes] = scores.dims();
@@ -75,7 +71,6 @@ impl Statistics {
     }
 }
 
-/// Statistics of images.
 fn of(images: &[(usize, &Image)]) -> Vec<[f32; NUMBERS]> {
     let fft = FftPlanner::new().plan_fft_forward(SIDE);
     images.par_iter().map(|(_, image)| numbers_of(image, &fft)).collect()
