@@ -236,16 +236,3 @@ fn times(value: &Value) -> Result<Times, Diagnostic> {
     record.finish()?;
     Ok(Times { turns, turn_ms, batch })
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn old_study_file_is_refused_with_the_new_word() {
-        let source = Source::new("s.ron", "// Mine.\n  Study(version: 1, strokes: [(name: \"s\")])");
-        assert!(Tradeoff::is_meant(&source));
-        let e = Tradeoff::parse(&source).unwrap_err().to_string();
-        assert!(e.starts_with("s.ron:2:3:") && e.contains("`Tradeoff(...)`"), "{e}");
-    }
-}

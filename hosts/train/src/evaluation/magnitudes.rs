@@ -198,22 +198,19 @@ impl Judge<'_> {
 
     pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
         let train = &subject.examples.train;
+        // The mean, or the root mean square.
+        let power = match self.target {
+            Target::Mean => 1,
+            Target::Rms => 2,
+        };
         let average = |of: &mut dyn Iterator<Item = &Example>| {
             let (mut sums, mut count) = ([0.0_f64; BINS], 0.0);
             for example in of {
                 count += 1.0;
-                let magnitudes = example.magnitudes.map(|m| self.target.of(m, subject.truth));
-                for (sum, m) in sums.iter_mut().zip(magnitudes) {
-                    *sum += match self.target {
-                        Target::Mean => f64::from(m),
-                        Target::Rms => f64::from(m * m),
-                    };
-                }
+                let magnitudes = example.magnitudes.map(|m| f64::from(self.target.of(m, subject.truth)));
+                sums.iter_mut().zip(magnitudes).for_each(|(sum, m)| *sum += m.powi(power));
             }
-            sums.map(|s| match self.target {
-                Target::Mean => (s / count) as f32,
-                Target::Rms => (s / count).sqrt() as f32,
-            })
+            sums.map(|s| (s / count).powf(f64::from(power).recip()) as f32)
         };
         let constant = average(&mut train.iter());
         let mut errors: [Errors; 4] = Default::default();
