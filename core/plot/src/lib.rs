@@ -26,7 +26,6 @@ mod picture;
 mod render;
 mod response;
 mod scatter;
-mod series;
 mod spectrogram;
 mod svg;
 
@@ -34,11 +33,11 @@ pub use above::{Moment, SceneMap, Seen};
 pub use chart::{Chart, Plot, Scale, Trace};
 pub use dots::{Column, Dots};
 pub use fit::{Fit, Spectrum};
+pub use lines::Series;
 pub use picture::{GraphPicture, GraphPictureNode, GraphPictureWire};
 pub use render::Render;
 pub use response::{Measured, Response};
 pub use scatter::{Dot, Mark, Scatter};
-pub use series::Series;
 
 #[cfg(test)]
 mod tests;

@@ -2,7 +2,7 @@
 
 use asperity_dsp::Stft;
 
-use super::series::Series;
+use super::lines::Series;
 
 /// Length of the Hann window in seconds. Its main lobe is 40 Hz wide on each side: enough for texture, and
 /// short enough to show the turns of a stroke.

@@ -14,10 +14,9 @@ use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_node::{ParamKind, Registry};
 
-use crate::chain::{Chain, Path3, Rendered, over};
+use crate::chain::{Chain, Path3, Rendered, STRAIGHT, over, stepped_paths, straight};
 use crate::figure::{Figure, Figures, mean};
 use crate::knob::{has, set};
-use crate::lag;
 use crate::patch::{Patch, place_stroke};
 use crate::results::Row;
 use crate::run::Prepared;
@@ -62,8 +61,8 @@ impl Prepared<'_> {
         let double = in_double(&setting.graph, registry);
         let patch = Patch::of(&setting.graph, registry)?;
         let strokes: Vec<Path3> = self.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
-        let mut paths: Vec<Path3> = strokes.iter().cloned().chain(lag::paths(patch.as_ref())).collect();
-        paths.push(lag::straight());
+        let mut paths: Vec<Path3> = strokes.iter().cloned().chain(stepped_paths(patch.as_ref())).collect();
+        paths.push(straight());
         let options = Options { sleep: false, check_finite: setting.guards, ..Options::default() };
         for draw in 0..tradeoff.draws {
             let seed = tradeoff.seed.wrapping_add(draw);
@@ -161,7 +160,7 @@ fn convergence(rendered: &Rendered) -> Option<f64> {
 /// Error of the lag at which a straight stroke over a grating repeats, against the pitch over the speed
 /// \[ms\]. None of silence.
 fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
-    let (speed_mm_s, [settles_s, seconds]) = lag::STRAIGHT;
+    let (speed_mm_s, [settles_s, seconds]) = STRAIGHT;
     let (felt, rate_hz) = chain.render_output(settles_s + seconds);
     let felt = wide_of(felt.get((settles_s * f64::from(rate_hz)) as usize..)?);
     let after_s = pitch_mm / speed_mm_s;
@@ -319,7 +318,7 @@ mod tests {
         let pitch_mm = made::pitch_mm(&made::surface("sine grating 1.6 mm").unwrap()).unwrap();
         let off = |material: &str| {
             let graph = over(&graph, &registry, Some(material), 3);
-            let mut chain = Chain::new(&graph, &registry, vec![lag::straight()], Options::default()).unwrap();
+            let mut chain = Chain::new(&graph, &registry, vec![straight()], Options::default()).unwrap();
             repeats(&mut chain, pitch_mm).unwrap()
         };
         let (grating, sandpaper) = (off("sine grating 1.6 mm"), off("sandpaper P80"));

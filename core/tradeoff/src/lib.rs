@@ -12,7 +12,6 @@ mod figure;
 mod file;
 mod fragment;
 mod knob;
-mod lag;
 mod noise;
 mod patch;
 mod pictures;

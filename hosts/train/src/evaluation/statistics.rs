@@ -6,13 +6,13 @@ use std::sync::Arc;
 use asperity_texture::picture::{IMAGE, Image};
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams};
-use burn::tensor::activation::log_softmax;
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-use crate::layer::{Layer, numbers, rows};
+use crate::layer::{Layer, rows};
+use crate::stages::naming_loss;
 
 const SIDE: usize = 192;
 /// Rings of spatial frequency, of equal ratio, from one period a side to half the side.
@@ -41,12 +41,10 @@ impl Statistics {
         let mut baseline =
             Self { layer: Layer::new(NUMBERS, classes, 0.1, random, &device), mean, deviation };
         let inputs = baseline.scaled(&all, &device);
-        let wanted = images.iter().map(|(class, _)| *class as i32).collect::<Vec<_>>();
-        let wanted: Tensor<2, Int> = Tensor::from_data(TensorData::new(wanted, [images.len(), 1]), &device);
+        let wanted: Vec<usize> = images.iter().map(|(class, _)| *class).collect();
         let mut adam = AdamConfig::new().init();
         for step in 0..STEPS {
-            let scores = baseline.layer.forward(inputs.clone());
-            let loss = log_softmax(scores, 1).gather(1, wanted.clone()).mean().neg();
+            let loss = naming_loss(baseline.layer.forward(inputs.clone()), &wanted, &device);
             let gradients = GradientsParams::from_grads(loss.backward(), &baseline.layer);
             let rate = 0.05 * (1.0 - step as f64 / STEPS as f64) + 1e-4;
             baseline.layer = adam.step(rate, baseline.layer, gradients);
@@ -57,9 +55,7 @@ impl Statistics {
 
     pub(super) fn names(&self, images: &[(usize, &Image)]) -> Vec<usize> {
         let scores = self.layer.forward(self.scaled(&of(images), &Device::flex()));
-        let [_, classes] = scores.dims();
-        let largest = |row: &[f32]| (0..classes).max_by(|a, b| row[*a].total_cmp(&row[*b])).unwrap_or(0);
-        numbers(scores).chunks_exact(classes).map(largest).collect()
+        scores.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
     }
 
     fn scaled(&self, all: &[[f32; NUMBERS]], device: &Device) -> Tensor<2> {

@@ -94,7 +94,7 @@ fn name_loss(
 }
 
 /// Minus the logarithm of the right class's probability by scores \[n, classes\].
-fn naming_loss(scores: Tensor<2>, classes: &[usize], device: &Device) -> Tensor<1> {
+pub(crate) fn naming_loss(scores: Tensor<2>, classes: &[usize], device: &Device) -> Tensor<1> {
     log_softmax(scores, 1).gather(1, column(classes.iter().copied(), device)).mean().neg()
 }
 
