@@ -1,8 +1,8 @@
 //! The trade-off between accuracy and cost: many settings of a graph over the same strokes and materials.
 //!
-//! A [`Tradeoff`] file lists knobs with their values, strokes and materials. Each combination of
-//! values is a setting. [`Prepared::run`] measures each of them: [accuracy](Figure), hard cases, time and response
-//! lag. [`Results`] choose a setting for a [`Budget`] and write the report.
+//! A [`Tradeoff`] file lists knobs with their values, strokes and materials. Each combination of values is a
+//! setting. [`Prepared::run`] measures each of them: [accuracy](Figure), hard cases, time and response lag.
+//! [`Results`] choose a setting for a [`Budget`] and write the report.
 
 mod accuracy;
 mod chain;

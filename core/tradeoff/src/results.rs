@@ -234,7 +234,7 @@ mod tests {
     use crate::testing::{measured, results};
 
     #[test]
-    fn older_results_are_read_without_newer_figures_and_by_old_names() {
+    fn older_results_lack_newer_figures_and_have_old_names() {
         let mut all = results(vec![measured("old", 1.0, 0.5, 20.0)]);
         all.rows[0].figures.insert(Figure::Modulation, 2.0);
         let mut text = serde_json::to_string(&all).unwrap();

@@ -10,8 +10,8 @@ pub(super) type Bounds = [Point; 2];
 /// A plane is upright if the upward component of its normal is below this.
 const UPRIGHT: f64 = 1e-6;
 
-/// Corners of a surface's convex outline; none of a plane, which is everywhere. A rectangle has its upper face,
-/// a relief its rectangle at height 0, an upright plane a line that ends outside the world.
+/// Corners of a surface's convex outline; none of a plane, which is everywhere. A rectangle has its upper
+/// face, a relief its rectangle at height 0, an upright plane a line that ends outside the world.
 pub(super) fn outline(surface: &Surface) -> Option<Vec<Point>> {
     let pose = &surface.pose;
     let seen = |at: [f64; 3]| {
