@@ -119,14 +119,8 @@ mod tests {
 
     const RATE: u32 = 2500;
 
-    /// A noise of unit variance, the same for the same seed.
     fn noise(seed: u64, count: usize) -> Vec<f32> {
-        let mut state = seed;
-        let mut uniform = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            (state >> 40) as f64 / (1u64 << 24) as f64 - 0.5
-        };
-        (0..count).map(|_| ((0..12).map(|_| uniform()).sum::<f64>()) as f32).collect()
+        crate::accuracy::testing::noise(seed, count, 1.0).into_iter().map(|x| x as f32).collect()
     }
 
     /// 120 steps from 1 to 4 that a signal follows by `rise` of the time in s since the step.
@@ -157,10 +151,14 @@ mod tests {
 
     #[test]
     fn immediate_answer_has_lag_0() {
+        // Also where the reference is 0.
+        let sine = (0..121_000).map(|i| (std::f64::consts::TAU * f64::from(i) / 10.0).sin() as f32).collect();
+        for carrier in [noise(2, 121_000), sine] {
+            let (signal, at) = stepped(&carrier, |_| 1.0);
+            assert_eq!(lag(&signal, &carrier, &at), Some([0.0; 3]));
+        }
         let carrier = noise(2, 121_000);
-        let (signal, at) = stepped(&carrier, |_| 1.0);
-        assert_eq!(lag(&signal, &carrier, &at), Some([0.0; 3]));
-        let (early, _) = stepped(&carrier, |t| t + 1.0);
+        let (early, at) = stepped(&carrier, |t| t + 1.0);
         assert!(lag(&early, &carrier, &at).unwrap().iter().all(|ms| *ms >= 0.0));
     }
 
@@ -169,14 +167,6 @@ mod tests {
         let x = (t / 0.1).clamp(0.0, 1.0);
         let (one, two) = (std::f64::consts::TAU * x, 2.0 * std::f64::consts::TAU * x);
         x - (4.0 / 3.0 * one.sin() - two.sin() / 6.0) / std::f64::consts::TAU
-    }
-
-    #[test]
-    fn zero_of_the_reference_is_no_lag() {
-        let sine: Vec<f32> =
-            (0..121_000).map(|i| (std::f64::consts::TAU * f64::from(i) / 10.0).sin() as f32).collect();
-        let (signal, at) = stepped(&sine, |_| 1.0);
-        assert_eq!(lag(&signal, &sine, &at), Some([0.0; 3]));
     }
 
     #[test]

@@ -2,7 +2,6 @@
 
 use super::svg::{Svg, num, polyline};
 
-/// Style of grid lines.
 const GRID: &str = "stroke=\"#e4e9ee\" stroke-width=\"1\" fill=\"none\" shape-rendering=\"crispEdges\"";
 /// Style of the edges of a panel.
 pub(super) const FRAME: &str =
@@ -20,7 +19,6 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// A linear axis.
     pub(super) fn linear((low, high): (f64, f64), pixels: [f64; 2]) -> Self {
         Self { low, high, pixels, logarithmic: false }
     }
@@ -54,7 +52,6 @@ impl Axis {
         }
     }
 
-    /// Pixel of a value.
     pub(super) fn at(&self, value: f64) -> f64 {
         let [a, b] = self.pixels;
         a + (self.scaled(value) - self.low) / (self.high - self.low) * (b - a)
@@ -123,7 +120,6 @@ pub(super) struct Panel {
 }
 
 impl Panel {
-    /// Upright grid lines.
     pub(super) fn x_grid(&self, svg: &mut Svg, spacing: f64) {
         let [bottom, top] = self.y.pixels.map(num);
         let ticks = self.x.ticks(spacing).into_iter();
@@ -150,13 +146,11 @@ impl Panel {
         svg.path(&lines, GRID);
     }
 
-    /// The left and the lower edge.
     pub(super) fn frame(&self, svg: &mut Svg) {
         let ([left, right], [bottom, top]) = (self.x.pixels.map(num), self.y.pixels.map(num));
         svg.path(&format!("M{left} {top}V{bottom}H{right}"), FRAME);
     }
 
-    /// Pixels of a point.
     pub(super) fn at(&self, (x, y): (f64, f64)) -> [f64; 2] {
         [self.x.at(x), self.y.at(y)]
     }

@@ -10,8 +10,7 @@
 //! | [`Scatter`] | cost and quality of many settings |
 //! | [`Response`] | a frequency response, measured and fitted |
 //! | [`Fit`] | a texture fitted to a recording |
-//! | [`Curves`] | training losses |
-//! | [`Chart`] | plots of dots and lines |
+//! | [`Chart`] | plots of dots and lines, such as training losses |
 //!
 //! No chart library is used: lines are thinned to the pixels they cover, coordinates keep a tenth of a
 //! pixel, and no fonts are loaded.
@@ -19,7 +18,6 @@
 mod above;
 mod axis;
 mod chart;
-mod curves;
 mod dots;
 mod fit;
 mod layout;
@@ -28,20 +26,18 @@ mod picture;
 mod render;
 mod response;
 mod scatter;
-mod series;
 mod spectrogram;
 mod svg;
 
 pub use above::{Moment, SceneMap, Seen};
 pub use chart::{Chart, Plot, Scale, Trace};
-pub use curves::{Curve, Curves};
 pub use dots::{Column, Dots};
 pub use fit::{Fit, Spectrum};
+pub use lines::Series;
 pub use picture::{GraphPicture, GraphPictureNode, GraphPictureWire};
 pub use render::Render;
 pub use response::{Measured, Response};
 pub use scatter::{Dot, Mark, Scatter};
-pub use series::Series;
 
 #[cfg(test)]
 mod tests;

@@ -59,9 +59,6 @@ const REFERENCE: &str = "#6b4fa0";
 /// Font size that labels are measured with.
 const LETTERS: f64 = 12.0;
 
-/// A rectangle: left, top, right, bottom.
-type Room = [f64; 4];
-
 impl Scatter {
     /// The picture as an SVG document; without dots where nothing is finite.
     pub fn to_svg(&self) -> String {
@@ -75,20 +72,16 @@ impl Scatter {
             return svg.finish();
         };
         let panel = Panel { x: x.at_least_a_decade(), y };
-        self.axes(&mut svg, &panel);
-        if let Some((height, _)) = &self.reference {
-            let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
-            let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
-            svg.path(&line, &format!("stroke=\"{REFERENCE}\" {style}"));
-        }
+        panel.x_grid(&mut svg, 80.0);
+        panel.x_labels(&mut svg, 80.0, "");
+        panel.y_grid(&mut svg, &y.ticks(48.0));
+        svg.text([0.5 * (LEFT + RIGHT), BOTTOM + 42.0], "middle", "head", &self.x.0);
+        svg.upright_text([22.0, 0.5 * (top + BOTTOM)], "middle", "head", &self.y);
         let at = |dot: &Dot| panel.at((dot.at[0], dot.at[1]));
         let front = self.line.iter().filter_map(|i| self.dots.get(*i)).map(at);
         svg.path(&polyline(front), &format!("stroke=\"{LINE}\" stroke-width=\"2\" fill=\"none\""));
-        let mut taken: Vec<Room> = Vec::new();
         for (i, dot) in self.dots.iter().enumerate().filter(|(_, dot)| dot.at.iter().all(|v| v.is_finite())) {
-            let [cx, cy] = at(dot);
-            self.draw_dot(&mut svg, [cx, cy], dot, self.line.contains(&i));
-            taken.push([cx - 4.0, cy - 4.0, cx + 4.0, cy + 4.0]);
+            self.draw_dot(&mut svg, at(dot), dot, self.line.contains(&i));
         }
         self.draw_arrow(&mut svg, top);
         if let Some(floor) = self.floor {
@@ -100,31 +93,33 @@ impl Scatter {
             let bar = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
             svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
             svg.text([x, middle + 4.0], "start", "wire", "less is within noise");
-            let end = x + text_width("less is within noise", LETTERS);
-            taken.push([x - 13.0, middle - 10.0, end, middle + 7.0]);
-        }
-
-        let mut labels = Labels { svg, taken, top };
-        for dot in self.dots.iter().filter(|d| !d.label.is_empty()) {
-            let [cx, cy] = at(dot);
-            labels.put(&dot.label, &AROUND.map(|(dx, dy, anchor)| ([cx + dx, cy + dy], anchor)));
         }
         if let Some((height, name)) = &self.reference {
-            let h = y.at(*height);
-            let places = [(RIGHT - 4.0, "end"), (LEFT + 4.0, "start")]
-                .map(|(x, anchor)| [([x, h - 5.0], anchor), ([x, h + 14.0], anchor)]);
-            labels.put(name, places.as_flattened());
+            let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
+            let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
+            svg.path(&line, &format!("stroke=\"{REFERENCE}\" {style}"));
+            svg.text([RIGHT - 4.0, y.at(*height) - 5.0], "end", "wire", name);
         }
-        labels.svg.finish()
-    }
-
-    fn axes(&self, svg: &mut Svg, panel: &Panel) {
-        let [bottom, top] = panel.y.pixels;
-        panel.x_grid(svg, 80.0);
-        panel.x_labels(svg, 80.0, "");
-        panel.y_grid(svg, &panel.y.ticks(48.0));
-        svg.text([0.5 * (LEFT + RIGHT), bottom + 42.0], "middle", "head", &self.x.0);
-        svg.upright_text([22.0, 0.5 * (top + bottom)], "middle", "head", &self.y);
+        // Labels stand on the side with more room, each below those that it would cover.
+        let mut taken: Vec<[f64; 2]> = Vec::new();
+        for dot in self.dots.iter().filter(|d| !d.label.is_empty()) {
+            let [cx, cy] = at(dot);
+            if !(cx.is_finite() && cy.is_finite()) {
+                continue;
+            }
+            let text = fitting(&dot.label, 0.5 * (RIGHT - LEFT) - 24.0, LETTERS);
+            let width = text_width(&text, LETTERS) + 6.0;
+            let on_the_right = cx < 0.5 * (LEFT + RIGHT);
+            let (x, anchor) = if on_the_right { (cx + 9.0, "start") } else { (cx - 9.0, "end") };
+            let from = if on_the_right { x } else { x - width };
+            let mut label = [from, cy + 4.0];
+            while taken.iter().any(|[x, y]| (x - label[0]).abs() < width && (y - label[1]).abs() < 13.0) {
+                label[1] += 13.0;
+            }
+            taken.push(label);
+            svg.text([x, label[1]], anchor, "wire", &text);
+        }
+        svg.finish()
     }
 
     fn draw_dot(&self, svg: &mut Svg, at: [f64; 2], dot: &Dot, best: bool) {
@@ -155,48 +150,6 @@ impl Scatter {
             num(x + 8.0),
             num(top - 15.0)
         ));
-    }
-}
-
-/// Places of a label beside its dot, and its anchor.
-const AROUND: [(f64, f64, &str); 6] = [
-    (9.0, 4.0, "start"),
-    (-9.0, 4.0, "end"),
-    (0.0, -10.0, "middle"),
-    (0.0, 19.0, "middle"),
-    (8.0, 18.0, "start"),
-    (-8.0, -9.0, "end"),
-];
-
-/// Labels in the making.
-struct Labels {
-    svg: Svg,
-    /// Rectangles of dots and labels.
-    taken: Vec<Room>,
-    top: f64,
-}
-
-impl Labels {
-    /// Writes a text at the first of some baseline points with room, else at the first within the picture.
-    fn put(&mut self, text: &str, places: &[([f64; 2], &str)]) {
-        let text = &fitting(text, 0.5 * (RIGHT - LEFT) - 2.0 * LETTERS, LETTERS);
-        let width = text_width(text, LETTERS);
-        // A little more on the side away from the dot.
-        let room = |([x, y], anchor): &([f64; 2], &str)| -> Room {
-            let (left, right) = match *anchor {
-                "start" => (*x, x + width + 6.0),
-                "end" => (x - width - 6.0, *x),
-                _ => (x - 0.5 * width - 6.0, x + 0.5 * width + 6.0),
-            };
-            [left, y - 10.0, right, y + 3.0]
-        };
-        let overlaps = |a: &Room, b: &Room| a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3];
-        let within = |r: &Room| r[0] >= LEFT && r[2] <= SIZE[0] - 6.0 && r[1] >= self.top && r[3] <= BOTTOM;
-        let free = |r: &Room| !self.taken.iter().any(|taken| overlaps(taken, r));
-        let inside = || places.iter().filter(|place| within(&room(place)));
-        let Some(place) = inside().find(|place| free(&room(place))).or(inside().next()) else { return };
-        self.svg.text(place.0, place.1, "wire", text);
-        self.taken.push(room(place));
     }
 }
 

@@ -1,10 +1,8 @@
 //! The short-time spectrum of a signal as a small picture.
 
-use std::f64::consts::TAU;
+use asperity_dsp::Stft;
 
-use realfft::RealFftPlanner;
-
-use super::series::Series;
+use super::lines::Series;
 
 /// Length of the Hann window in seconds. Its main lobe is 40 Hz wide on each side: enough for texture, and
 /// short enough to show the turns of a stroke.
@@ -14,10 +12,8 @@ const MAX_COLUMNS: usize = 600;
 const ROWS: usize = 128;
 /// Most frames for one column, where columns are further apart than windows.
 const FRAMES_A_COLUMN: usize = 4;
-/// Range of the colours in dB.
 pub(super) const RANGE_DB: f64 = 60.0;
 
-/// Levels over time and frequency.
 pub(super) struct Spectrogram {
     /// Levels in dB re 1 of the signal's unit, row by row from the highest frequency down.
     pub(super) levels: Vec<f32>,
@@ -32,52 +28,34 @@ impl Spectrogram {
     /// Amplitudes 2 |sum w x| / sum w of the first column of `series` up to `max_hz`. A sine of amplitude 1
     /// on a bin reads 0 dB. `None` where the series is silent, shorter than a window, or too slow for one.
     pub(super) fn of(series: &Series, max_hz: f64) -> Option<Self> {
-        let hz = series.hz;
+        let (hz, rows) = (series.hz, series.rows());
         let length = (hz * WINDOW_S).round();
-        if !(8.0..=1e7).contains(&length) || series.rows() < length as usize {
+        if !(8.0..=1e7).contains(&length) || rows < length as usize {
             return None;
         }
         let length = length as usize;
         let max_hz = max_hz.min(hz / 2.0);
-        let padded = 2 * length;
-        let fft = RealFftPlanner::<f32>::new().plan_fft_forward(padded);
-        let (mut input, mut output) = (fft.make_input_vec(), fft.make_output_vec());
-        let mut scratch = fft.make_scratch_vec();
-        let window: Vec<f32> = (0..length)
-            .map(|i| (0.5 - 0.5 * (TAU * (i as f64 + 0.5) / length as f64).cos()) as f32)
-            .collect();
-        let scale = 2.0 / window.iter().sum::<f32>();
-
-        let rows_of_signal = series.rows();
-        let columns = MAX_COLUMNS.min(rows_of_signal / (length / 8)).max(1);
-        let column_width = rows_of_signal as f64 / columns as f64;
-        let frames = ((column_width / length as f64).ceil() as usize).clamp(1, FRAMES_A_COLUMN);
+        let columns = MAX_COLUMNS.min(rows / (length / 8)).max(1);
+        let width = rows as f64 / columns as f64;
+        let frames = ((width / length as f64).ceil() as usize).clamp(1, FRAMES_A_COLUMN);
+        let mut stft = Stft::<f32>::new(length);
+        let sample = |row: i64| {
+            let value = usize::try_from(row).map_or(f64::NAN, |row| series.value(row, 0));
+            if value.is_finite() { value as f32 } else { 0.0 }
+        };
         let mut levels = vec![0.0f32; columns * ROWS];
-        let mut power = vec![0.0f32; output.len()];
         for column in 0..columns {
-            power.fill(0.0);
+            let mut power = vec![0.0f32; length / 2 + 1];
             for frame in 0..frames {
-                let centre = column_width * (column as f64 + (frame as f64 + 0.5) / frames as f64);
+                let centre = width * (column as f64 + (frame as f64 + 0.5) / frames as f64);
                 let start = centre as i64 - length as i64 / 2;
-                input.fill(0.0);
-                for (i, (x, w)) in input.iter_mut().zip(&window).enumerate() {
-                    let row = usize::try_from(start + i as i64).unwrap_or(usize::MAX);
-                    if row < rows_of_signal {
-                        let v = series.value(row, 0) as f32;
-                        *x = if v.is_finite() { v * w } else { 0.0 };
-                    }
-                }
-                // This cannot fail: the buffers are made by the plan.
-                if fft.process_with_scratch(&mut input, &mut output, &mut scratch).is_err() {
-                    return None;
-                }
-                for (p, x) in power.iter_mut().zip(&output) {
-                    *p += x.norm_sqr() * scale * scale / frames as f32;
-                }
+                let samples: Vec<f32> = (start..start + length as i64).map(sample).collect();
+                let bins = stft.process(&samples);
+                power.iter_mut().zip(bins).for_each(|(p, x)| *p += x.norm_sqr() / frames as f32);
             }
             for row in 0..ROWS {
                 // The strongest bin that a row covers, or the one it lies in.
-                let edge = |r: usize| (ROWS - r) as f64 / ROWS as f64 * max_hz * padded as f64 / hz;
+                let edge = |r: usize| (ROWS - r) as f64 / ROWS as f64 * max_hz * length as f64 / hz;
                 let (low, high) = (edge(row + 1).round() as usize, edge(row).round() as usize);
                 let bins = &power[low.min(power.len() - 1)..high.clamp(low + 1, power.len()).max(1)];
                 let strongest = bins.iter().copied().fold(0.0f32, f32::max);
@@ -135,6 +113,8 @@ pub(super) fn colour(part: f64) -> [f64; 3] {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use super::*;
 
     fn sine(hz: f64, rate: f64, seconds: f64, amplitude: f64) -> Series {

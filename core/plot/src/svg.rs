@@ -16,7 +16,6 @@ font-size:12px;fill:#52606d}\
 /// Blue, vermilion, green and purple: distinct also with red-green colour blindness (after Okabe and Ito).
 pub(super) const COLOURS: [&str; 4] = ["#0a6fb0", "#d1602a", "#2f9268", "#8a4f9e"];
 
-/// An SVG document being written.
 pub(super) struct Svg {
     out: String,
 }
@@ -71,7 +70,6 @@ impl Svg {
         }
     }
 
-    /// A path with a tooltip.
     pub(super) fn titled_path(&mut self, d: &str, attributes: &str, title: &str) {
         if !d.is_empty() {
             self.raw(format_args!("<path d=\"{d}\" {attributes}><title>{}</title></path>\n", escape(title)));

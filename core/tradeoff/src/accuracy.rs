@@ -14,13 +14,12 @@ use asperity_engine::Options;
 use asperity_graph::GraphFile;
 use asperity_node::{ParamKind, Registry};
 
-use crate::chain::{Chain, Path3, Rendered, over};
+use crate::chain::{Chain, Path3, Rendered, STRAIGHT, over, stepped_paths, straight};
 use crate::figure::{Figure, Figures, mean};
 use crate::knob::{has, set};
-use crate::lag;
 use crate::patch::{Patch, place_stroke};
-use crate::prepare::Prepared;
 use crate::results::Row;
+use crate::run::Prepared;
 use crate::setting::Setting;
 use crate::stroke::Known;
 use crate::time::Monitor;
@@ -53,18 +52,17 @@ impl Prepared<'_> {
     pub(crate) fn accuracy(
         &self,
         row: &mut Row,
-        setting: &Setting,
-        registry: &Registry,
+        setting: &Setting<'_>,
         truths: &Truths,
         monitor: &dyn Monitor,
     ) -> Result<Option<Figures>, Diagnostic> {
-        let tradeoff = self.job.tradeoff;
+        let (tradeoff, registry) = (self.job.tradeoff, &setting.base.registry);
         let (mut models, mut lags_ms) = (Vec::new(), Vec::new());
-        let double = in_double(setting, registry);
+        let double = in_double(&setting.graph, registry);
         let patch = Patch::of(&setting.graph, registry)?;
         let strokes: Vec<Path3> = self.strokes.iter().map(|s| place_stroke(patch.as_ref(), s)).collect();
-        let mut paths: Vec<Path3> = strokes.iter().cloned().chain(lag::paths(patch.as_ref())).collect();
-        paths.push(lag::straight());
+        let mut paths: Vec<Path3> = strokes.iter().cloned().chain(stepped_paths(patch.as_ref())).collect();
+        paths.push(straight());
         let options = Options { sleep: false, check_finite: setting.guards, ..Options::default() };
         for draw in 0..tradeoff.draws {
             let seed = tradeoff.seed.wrapping_add(draw);
@@ -89,7 +87,7 @@ impl Prepared<'_> {
                         Known::Hand(_) => material.and_then(|m| truths.get(&(s, m.to_owned(), draw))),
                     };
                     if let Some(truth) = truth {
-                        against_physics(&rendered, truth, setting.strength, &mut figures);
+                        against_physics(&rendered, truth, setting.base.strength, &mut figures);
                         models.extend(of_model(&rendered, &truth.spectrograms));
                     }
                     // Double precision is slow, so only one stroke over one material is compared.
@@ -111,7 +109,7 @@ impl Prepared<'_> {
                     all.extend(repeats(&mut chain, pitch_mm).map(|ms| Figures::from([(Figure::Pitch, ms)])));
                 }
                 if m == 0 {
-                    lags_ms.extend(lag::measured(&mut chain, strokes.len(), tradeoff.steps));
+                    lags_ms.extend(chain.lag_ms(strokes.len(), tradeoff.steps));
                     monitor.advanced(1);
                 }
                 row.faults += chain.faults();
@@ -131,8 +129,8 @@ fn wide_of(x: &[f32]) -> Vec<f64> {
 }
 
 /// The same setting in double precision; none where no node can change to it.
-fn in_double(setting: &Setting, registry: &Registry) -> Option<GraphFile> {
-    let mut double = setting.graph.clone();
+fn in_double(graph: &GraphFile, registry: &Registry) -> Option<GraphFile> {
+    let mut double = graph.clone();
     let mut any = false;
     for node in &mut double.nodes {
         if !can_be_double(registry, &node.kind) {
@@ -162,7 +160,7 @@ fn convergence(rendered: &Rendered) -> Option<f64> {
 /// Error of the lag at which a straight stroke over a grating repeats, against the pitch over the speed
 /// \[ms\]. None of silence.
 fn repeats(chain: &mut Chain, pitch_mm: f64) -> Option<f64> {
-    let (speed_mm_s, [settles_s, seconds]) = lag::STRAIGHT;
+    let (speed_mm_s, [settles_s, seconds]) = STRAIGHT;
     let (felt, rate_hz) = chain.render_output(settles_s + seconds);
     let felt = wide_of(felt.get((settles_s * f64::from(rate_hz)) as usize..)?);
     let after_s = pitch_mm / speed_mm_s;
@@ -242,22 +240,12 @@ mod tests {
         Spectrogram::new(&[&signal], rate_hz).unwrap()
     }
 
-    /// The default of a graph, and a trade-off with one stroke.
-    fn setting(nodes: &str, registry: &Registry) -> (Setting, crate::Tradeoff) {
-        let graph = crate::testing::graph_of("g.ron", nodes, "");
-        let base = crate::LoadedGraph { registry: registry.clone(), ..crate::testing::loaded("g", graph) };
-        let tradeoff =
-            crate::testing::tradeoff("g.ron", r#"strokes: [(name: "c", seconds: 1.5)], steps: 10"#);
-        let mut settings = crate::Settings::new(&tradeoff, &[base], &[]).unwrap();
-        (settings.all.remove(0), tradeoff)
-    }
-
     #[test]
     fn double_precision_is_recognised_however_written() {
         let registry = asperity_nodes::registry();
         let double = |precision: &str| {
             let node = format!(r#""r": (kind: "resample", params: ({precision}))"#);
-            in_double(&setting(&node, &registry).0, &registry).is_some()
+            in_double(&crate::testing::graph_of("g.ron", &node, ""), &registry).is_some()
         };
         assert!(double("") && double("precision: f32") && double("precision: \"f32\""));
         assert!(!double("precision: \"f64\"") && !double("precision: f64"));
@@ -273,18 +261,22 @@ mod tests {
         let late = asperity_checks::played::Played::control("fails late", 1, asperity_node::Unit::NONE, late);
         registry.add(late);
         let nodes = r#""stylus": (kind: "stroke"), "late": (kind: "fails late")"#;
-        let (mut setting, tradeoff) = setting(nodes, &registry);
+        let mut graph = crate::testing::graph_of("g.ron", nodes, "");
         for from in ["stylus.position", "late.out"] {
             let to = format!("{from} probe").replace('.', " ");
-            setting.graph.add_node(&to, "probe", &[], "test").unwrap();
-            setting.graph.add_wire(from, &to, "test");
+            graph.add_node(&to, "probe", &[], "test").unwrap();
+            graph.add_wire(from, &to, "test");
         }
+        let bases = [crate::LoadedGraph { registry, ..crate::testing::loaded("g", graph) }];
+        let strokes = r#"strokes: [(name: "c", seconds: 1.5)], steps: 10"#;
+        let tradeoff = crate::testing::tradeoff("g.ron", strokes);
+        let settings = crate::setting::Settings::new(&tradeoff, &bases, &[]).unwrap();
         struct Nobody;
         impl Monitor for Nobody {}
         let job = crate::testing::job(&tradeoff, &[], Path::new(""));
         let prepared = Prepared::new(&job).unwrap();
         let mut row = Row::default();
-        prepared.accuracy(&mut row, &setting, &registry, &Truths::default(), &Nobody).unwrap().unwrap();
+        prepared.accuracy(&mut row, &settings.all[0], &Truths::default(), &Nobody).unwrap().unwrap();
         // Once with steps and once at constant speed, in each of two draws.
         assert_eq!(row.faults, 4);
     }
@@ -326,7 +318,7 @@ mod tests {
         let pitch_mm = made::pitch_mm(&made::surface("sine grating 1.6 mm").unwrap()).unwrap();
         let off = |material: &str| {
             let graph = over(&graph, &registry, Some(material), 3);
-            let mut chain = Chain::new(&graph, &registry, vec![lag::straight()], Options::default()).unwrap();
+            let mut chain = Chain::new(&graph, &registry, vec![straight()], Options::default()).unwrap();
             repeats(&mut chain, pitch_mm).unwrap()
         };
         let (grating, sandpaper) = (off("sine grating 1.6 mm"), off("sandpaper P80"));

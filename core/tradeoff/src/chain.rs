@@ -1,9 +1,11 @@
-//! Renders a setting, and records its signals.
+//! Renders a setting, records its signals, and measures its response lag: how late the output follows a step
+//! of speed.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use asperity_accuracy::response::{Steps, lag_ms};
 use asperity_actuator::{ActuatorProfile, Drive, Dynamics, Plant};
 use asperity_checks::{Rig, Subject, played::Motion};
 use asperity_diagnostics::ron::{Kind, Value};
@@ -15,6 +17,8 @@ use asperity_node::{Buffer, Latency, Registry, Role, Shape, Unit};
 use asperity_texture::Library;
 
 use crate::knob::{has, set};
+use crate::patch::{Patch, along};
+use crate::setting::LoadedGraph;
 
 /// Path of a stylus: x, y, z in mm over the time in s; z is up.
 pub type Path3 = Arc<dyn Fn(f64) -> [f64; 3] + Send + Sync>;
@@ -28,18 +32,20 @@ pub struct Chain {
     path: Arc<AtomicUsize>,
 }
 
-/// Recorded signals, as indices of node and output.
+/// Node and output of a signal.
+type At = Option<(usize, usize)>;
+
 #[derive(Clone, Debug, Default)]
 struct Places {
     /// Magnitudes that a node retrieves phase from, and the first audio signal behind it.
-    frames: Option<(usize, usize)>,
-    signal: Option<(usize, usize)>,
+    frames: At,
+    signal: At,
     /// Latency between the two.
     between: Latency,
     /// The last acceleration at the audio rate.
-    felt: Option<(usize, usize)>,
+    felt: At,
     /// The signal that drives the coil.
-    drive: Option<(usize, usize)>,
+    drive: At,
     /// The actuator, at rest.
     plant: Option<Plant>,
 }
@@ -98,15 +104,11 @@ pub(crate) fn over(graph: &GraphFile, registry: &Registry, material: Option<&str
 }
 
 /// Checks that the libraries of a graph's networks have these materials.
-pub(crate) fn check_materials<'m>(
-    graph: &GraphFile,
-    registry: &Registry,
-    materials: impl Iterator<Item = &'m (String, Place)> + Clone,
-) -> Result<(), Diagnostic> {
-    for node in graph.nodes.iter().filter(|n| is_network(registry, &n.kind)) {
+pub(crate) fn check_materials(base: &LoadedGraph, materials: &[&(String, Place)]) -> Result<(), Diagnostic> {
+    for node in base.graph.nodes.iter().filter(|n| is_network(&base.registry, &n.kind)) {
         let Some(setting) = node.params.iter().find(|p| p.name == "library") else { continue };
         let library = Library::shared(setting.value.path()?)?;
-        for (name, place) in materials.clone() {
+        for (name, place) in materials {
             library.material(name).map_err(|e| Diagnostic { file: None, ..e }.at_place(place))?;
         }
     }
@@ -143,7 +145,6 @@ impl Chain {
         Ok(Self { engine: Engine::new(compiled, options), schedule, places, path })
     }
 
-    /// Resets the graph, and lets the stylus follow the path of this index.
     pub(crate) fn play(&mut self, path: usize) {
         self.path.store(path, Ordering::Relaxed);
         self.engine.reset();
@@ -155,7 +156,7 @@ impl Chain {
     }
 
     /// The schedule.
-    pub(crate) fn schedule(&self) -> &Schedule {
+    pub fn schedule(&self) -> &Schedule {
         &self.schedule
     }
 
@@ -165,7 +166,7 @@ impl Chain {
     }
 
     /// Node and output of the last acceleration at the audio rate; otherwise of the coil's drive.
-    pub(crate) fn output(&self) -> Option<(usize, usize)> {
+    pub fn output(&self) -> Option<(usize, usize)> {
         self.places.felt.or(self.places.drive)
     }
 
@@ -183,14 +184,17 @@ impl Chain {
         late.get(end).copied().flatten().unwrap_or_default()
     }
 
+    fn ticks(&self, seconds: f64) -> u64 {
+        (seconds * f64::from(self.schedule.tick_hz)).round() as u64
+    }
+
     /// Renders so many seconds, and records all signals.
     pub fn render(&mut self, seconds: f64) -> Rendered {
-        let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
         let mut out = Rendered { rate_hz: self.schedule.audio_hz, ..Rendered::default() };
         out.framing = self.places.frames.and_then(|at| framing(&self.schedule, at));
         let scale = out.framing.map_or(0.0, |framing| framing.bin_scale() as f32);
         let (mut signal, mut plant) = (Vec::new(), self.places.plant.clone());
-        for _ in 0..ticks {
+        for _ in 0..self.ticks(seconds) {
             self.engine.tick();
             let buffer = self.places.frames.and_then(|(node, output)| self.engine.output(node, output));
             if let (Some(framing), Some(Buffer::Magnitude { bins, frame: Some((number, _)), .. })) =
@@ -202,11 +206,10 @@ impl Chain {
             }
             signal.extend(self.samples(self.places.signal).iter().map(|x| f64::from(*x)));
             out.felt.extend_from_slice(self.samples(self.places.felt));
-            let (from, drive) = (out.drive.len(), self.samples(self.places.drive));
+            let drive = self.samples(self.places.drive);
             out.drive.extend_from_slice(drive);
             if let Some(plant) = &mut plant {
-                let step = |u: &f32| plant.step(f64::from(*u)).acceleration;
-                out.handle.extend(out.drive[from..].iter().map(step));
+                out.handle.extend(drive.iter().map(|u| plant.step(f64::from(*u)).acceleration));
             }
         }
         if let Some(framing) = &out.framing {
@@ -217,17 +220,15 @@ impl Chain {
 
     /// Renders so many seconds of [`output`](Self::output). Returns the samples and their rate \[Hz\].
     pub(crate) fn render_output(&mut self, seconds: f64) -> (Vec<f32>, u32) {
-        let ticks = (seconds * f64::from(self.schedule.tick_hz)).round() as u64;
-        let at = self.output();
         let mut felt = Vec::new();
-        for _ in 0..ticks {
+        for _ in 0..self.ticks(seconds) {
             self.engine.tick();
-            felt.extend_from_slice(self.samples(at));
+            felt.extend_from_slice(self.samples(self.output()));
         }
         (felt, self.schedule.audio_hz)
     }
 
-    fn samples(&self, at: Option<(usize, usize)>) -> &[f32] {
+    fn samples(&self, at: At) -> &[f32] {
         match at.and_then(|(node, output)| self.engine.output(node, output)) {
             Some(Buffer::Audio { samples, len, .. }) => samples.get(..*len).unwrap_or(&[]),
             _ => &[],
@@ -245,7 +246,6 @@ fn earlier(signal: Vec<f64>, latency: Latency, rate_hz: u32) -> Vec<f64> {
     }
 }
 
-/// Layout of the frames at an output.
 fn framing(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Framing> {
     let Shape::Magnitude(l) = schedule.nodes.get(node)?.outputs.get(output)?.port.shape else { return None };
     Some(Framing {
@@ -302,6 +302,68 @@ fn plant(schedule: &Schedule, (node, output): (usize, usize)) -> Result<Option<P
     Ok(Some(Plant::new(&dynamics, drive, f64::from(schedule.audio_hz))))
 }
 
+/// Half a period of the steps \[s\].
+const HALF_S: f64 = 0.4;
+/// First steps, which are left out while the chain starts.
+const LEFT_OUT: usize = 2;
+/// The two speeds \[mm/s\]. A period covers 64.618 mm, so that anything periodic along the path is met at
+/// every phase.
+const SPEEDS: [f64; 2] = [40.4, 121.145];
+/// Penetration into the floor \[mm\]: 1 N at 0.5 N/mm.
+const DEPTH_MM: f64 = 2.0;
+
+/// Position of a stylus whose speed along x steps up and down, or stays at the lower speed.
+fn stylus(t: f64, stepped: bool) -> [f64; 3] {
+    let [slow, fast] = if stepped { SPEEDS } else { [SPEEDS[0]; 2] };
+    let period = (t / (2.0 * HALF_S)).floor();
+    let within = t - period * 2.0 * HALF_S;
+    let x = period * HALF_S * (slow + fast) + slow * within.min(HALF_S) + fast * (within - HALF_S).max(0.0);
+    [x, 0.0, -DEPTH_MM]
+}
+
+/// Paths of a stylus with stepped and with constant speed; circles on a patch.
+pub(crate) fn stepped_paths(patch: Option<&Patch>) -> [Path3; 2] {
+    [true, false].map(|stepped| along(patch, Arc::new(move |t| stylus(t, stepped))))
+}
+
+/// Speed of the straight stroke \[mm/s\]; time to settle and time to analyse \[s\].
+pub(crate) const STRAIGHT: (f64, [f64; 2]) = (100.0, [0.5, 1.5]);
+
+/// Path along x at constant speed.
+pub(crate) fn straight() -> Path3 {
+    Arc::new(|t| [STRAIGHT.0 * t, 0.0, -DEPTH_MM])
+}
+
+impl Chain {
+    /// Mean of the two speeds of [`lag_ms`](Self::lag_ms) \[mm/s\].
+    pub const MEAN_MM_S: f64 = (SPEEDS[0] + SPEEDS[1]) / 2.0;
+
+    /// Compiles a graph to measure its response lag. In a scene the stylus follows a circle; a scene without
+    /// room gets a straight line.
+    ///
+    /// # Errors
+    /// Those of the compiler; a graph without a stylus.
+    pub fn stepped(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
+        let paths = stepped_paths(Patch::of(graph, registry).unwrap_or(None).as_ref());
+        Self::new(graph, registry, paths.into(), Options::default())
+    }
+
+    /// Response lag \[ms\]: from a step from 40 to 121 mm/s until 10, 50 and 90 % of the change of level,
+    /// over so many steps. None where the level does not rise with speed. The chain's stepped path has this
+    /// index, and the steady one is behind it.
+    pub fn lag_ms(&mut self, path: usize, steps: usize) -> Option<[f64; 3]> {
+        let periods = steps + LEFT_OUT;
+        let seconds = 2.0 * HALF_S * periods as f64;
+        self.play(path);
+        let (stepped, rate_hz) = self.render_output(seconds);
+        self.play(path + 1);
+        let (still, _) = self.render_output(seconds);
+        let half = (HALF_S * f64::from(rate_hz)) as usize;
+        let at: Vec<usize> = (LEFT_OUT..periods).map(|k| (2 * k + 1) * half).collect();
+        lag_ms(&stepped, &still, &Steps { rate_hz, at: &at, before: half / 2, after: half / 2 })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -318,31 +380,46 @@ mod tests {
             r#""t": (kind: "texture_network", params: (material: "oak", materials: ["cut pile", "canvas"])),
             "u": (kind: "texture_network", params: (material: "oak"))"#,
         );
-        let registry = asperity_nodes::registry();
-        let over = over(&graph, &registry, Some("leather"), 7);
-        let text = over.node("t").unwrap().to_string();
-        assert!(
-            text.contains(r#"material: "leather""#) && text.contains(r#"materials: ["leather", "leather"]"#),
-            "{text}"
-        );
-        let text = over.node("u").unwrap().to_string();
-        assert!(text.contains(r#"material: "leather""#) && !text.contains("materials"), "{text}");
+        let over = over(&graph, &asperity_nodes::registry(), Some("leather"), 7);
+        let text = |node: &str| over.node(node).unwrap().to_string();
+        for (node, want) in [
+            ("t", r#"material: "leather""#),
+            ("t", r#"materials: ["leather", "leather"]"#),
+            ("u", r#"material: "leather""#),
+        ] {
+            assert!(text(node).contains(want), "{want}: {}", text(node));
+        }
+        assert!(!text("u").contains("materials"), "{}", text("u"));
     }
 
     #[test]
     fn unknown_material_is_reported_at_its_place() {
-        let graph = graph(
-            r#""t": (kind: "texture_network",
-                params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+        let base = crate::testing::loaded(
+            "g",
+            graph(
+                r#""t": (kind: "texture_network",
+                    params: (library: "models/surfaces/materials.ron", material: "oak"))"#,
+            ),
         );
-        let registry = asperity_nodes::registry();
         let source = Source::new("s.ron", r#"["canvas", "canvsa"]"#);
         let at = |name: &str, start: usize| {
             (name.to_owned(), Place { span: Span { start, end: start + 8 }, source: source.clone() })
         };
         let [known, unknown] = [at("canvas", 1), at("canvsa", 11)];
-        check_materials(&graph, &registry, [&known].into_iter()).unwrap();
-        let e = check_materials(&graph, &registry, [&known, &unknown].into_iter()).unwrap_err().to_string();
+        check_materials(&base, &[&known]).unwrap();
+        let e = check_materials(&base, &[&known, &unknown]).unwrap_err().to_string();
         assert!(e.starts_with("s.ron:1:12:") && e.contains("did you mean `canvas`?"), "{e}");
+    }
+
+    #[test]
+    fn stylus_moves_at_the_two_speeds() {
+        for (t, want) in [(0.1, 40.4), (0.5, 121.145), (0.9, 40.4), (8.3, 40.4), (8.7, 121.145)] {
+            let speed = (stylus(t + 1e-3, true)[0] - stylus(t, true)[0]) / 1e-3;
+            assert!((speed - want).abs() < 1e-6, "{t}: {speed}");
+            let still = (stylus(t + 1e-3, false)[0] - stylus(t, false)[0]) / 1e-3;
+            assert!((still - 40.4).abs() < 1e-6, "{t}: {still}");
+        }
+        // The path is continuous between periods.
+        assert!((stylus(0.8 - 1e-9, true)[0] - stylus(0.8, true)[0]).abs() < 1e-6);
     }
 }

@@ -4,26 +4,26 @@ use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{file, fnv};
-use asperity_graph::{GraphFile, compile};
-use asperity_node::{ParamKind, ParamValue, Registry};
+use asperity_graph::compile;
+use asperity_node::{ParamKind, ParamValue};
 
 use crate::chain::over;
 use crate::knob::has;
-use crate::prepare::Job;
 use crate::results::Fragment;
+use crate::run::Job;
 use crate::setting::{LoadedGraph, Setting};
 
 /// Digest of the trade-off, its graphs, input files, ways of measuring and the version of this program. It is
 /// the same in all shards: folder, machine and build are not in it.
-pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> String {
+pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting<'_>], material: Option<&str>) -> String {
     let t = job.tradeoff;
     let graph = |b: &LoadedGraph| {
         format!("{} {} {:?}", b.strength, b.file.source.text(), Fragment::between(b, &b.graph))
     };
-    let graphs: Vec<String> = job.graphs().map(graph).collect();
+    let graphs: Vec<String> = job.bases.iter().chain(job.baselines).map(graph).collect();
     let strokes: Vec<String> = t.strokes.iter().filter_map(|s| s.file().map(content)).collect();
     let ways = (t.seed, t.lenient, settings.len(), job.cases, &job.machine.build);
-    let files = files(job, settings, material);
+    let files = files(settings, material);
     of_bytes(format!("{ways:?} {} {graphs:?} {strokes:?} {files:?}", t.source.text()).as_bytes())
 }
 
@@ -35,24 +35,30 @@ pub fn content(path: &Path) -> String {
     file::read(path, MAX_BYTES).map_or_else(|_| "none".to_owned(), |bytes| of_bytes(&bytes))
 }
 
-/// Digest of bytes, in hexadecimal digits.
 pub(crate) fn of_bytes(bytes: &[u8]) -> String {
     format!("{:016x}", fnv(bytes))
 }
 
 /// Names and contents of all files that graphs read, sorted.
-fn files(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> BTreeSet<String> {
+fn files(settings: &[Setting<'_>], material: Option<&str>) -> BTreeSet<String> {
     let (mut seen, mut paths) = (HashSet::new(), BTreeSet::new());
-    for setting in settings {
-        let Some(base) = job.base(setting) else { continue };
+    for Setting { base, graph, .. } in settings {
         paths.extend(base.plugins.iter().cloned());
-        let (named, files) = named(&setting.graph, &base.registry);
+        // Parameters that may name files.
+        let mut named = String::new();
+        for (node, param) in graph.nodes.iter().flat_map(|n| n.params.iter().map(move |p| (n, p))) {
+            let kind = has(&base.registry, &node.kind, &param.name);
+            if matches!(kind, Some(ParamKind::File | ParamKind::Text)) {
+                let from = param.value.place();
+                named += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
+                paths.extend(param.value.path().ok().filter(|path| path.is_file()));
+            }
+        }
         // Compiled once for the same named files: it finds the files that these name.
         if !seen.insert(named) {
             continue;
         }
-        paths.extend(files);
-        let graph = over(&setting.graph, &base.registry, material, setting.graph.seed);
+        let graph = over(graph, &base.registry, material, graph.seed);
         let Ok(compiled) = compile(&graph, &base.registry, Default::default()) else { continue };
         for node in &compiled.schedule.nodes {
             paths.extend(node.params.iter().filter_map(|(_, value)| match value {
@@ -66,25 +72,10 @@ fn files(job: &Job<'_>, settings: &[Setting], material: Option<&str>) -> BTreeSe
     paths.iter().map(|path| format!("{} {}", name(path), content(path))).collect()
 }
 
-/// Parameters that may name files, as text, and the files that exist.
-fn named(graph: &GraphFile, registry: &Registry) -> (String, Vec<PathBuf>) {
-    let (mut text, mut files) = (String::new(), Vec::new());
-    for node in &graph.nodes {
-        for param in &node.params {
-            if matches!(has(registry, &node.kind, &param.name), Some(ParamKind::File | ParamKind::Text)) {
-                let from = param.value.place();
-                text += &format!("{} {} {};", node.kind, param.value, from.source.path().display());
-                files.extend(param.value.path().ok().filter(|path| path.is_file()));
-            }
-        }
-    }
-    (text, files)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Settings;
+    use crate::setting::Settings;
     use crate::testing::{graph_of, job, loaded, tradeoff};
 
     /// The digest in a folder, on a machine, of a graph that reads a trajectory.
@@ -105,20 +96,24 @@ mod tests {
     fn digest_depends_on_files_and_version_only() {
         let dirs = [(); 2].map(|()| tempfile::tempdir().unwrap());
         let csv = "t_s,x_mm,y_mm,z_mm\n0,0,0,-1\n1,100,0,-1\n";
-        let write = |name: &str, text: &str| std::fs::write(dirs[1].path().join(name), text).unwrap();
-        std::fs::write(dirs[0].path().join("t.csv"), csv).unwrap();
-        std::fs::write(dirs[0].path().join("mine.so"), "plugin").unwrap();
-        write("t.csv", csv);
-        write("mine.so", "plugin");
+        let write = |dir: usize, name: &str, text: &str| {
+            std::fs::write(dirs[dir].path().join(name), text).unwrap();
+        };
+        for dir in 0..2 {
+            write(dir, "t.csv", csv);
+            write(dir, "mine.so", "plugin");
+        }
         let here = ("cpu", "asperity 1", "p");
         let one = digest(dirs[0].path(), here);
         assert_eq!(digest(dirs[1].path(), ("other", "asperity 1", "q")), one);
         assert_ne!(digest(dirs[0].path(), ("cpu", "asperity 2", "p")), one);
-        write("mine.so", "another");
-        assert_ne!(digest(dirs[1].path(), here), one);
-        write("mine.so", "plugin");
-        assert_eq!(digest(dirs[1].path(), here), one);
-        write("t.csv", &csv.replace("100", "90"));
-        assert_ne!(digest(dirs[1].path(), here), one);
+        for (name, text, other) in
+            [("mine.so", "plugin", "another"), ("t.csv", csv, &csv.replace("100", "90"))]
+        {
+            write(1, name, other);
+            assert_ne!(digest(dirs[1].path(), here), one, "{name}");
+            write(1, name, text);
+            assert_eq!(digest(dirs[1].path(), here), one, "{name}");
+        }
     }
 }

@@ -74,7 +74,6 @@ pub(crate) struct Grid {
     pub knobs: Vec<(Knob, Vec<Value>)>,
 }
 
-/// How tick times are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Times {
     /// Turns of each setting.
@@ -126,52 +125,43 @@ impl Tradeoff {
                 .error("unknown version of the trade-off format")
                 .help("this program reads version 1"));
         }
-        let seed = record.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64;
-        let graph = record.optional("graph").map(named).transpose()?;
-        let baselines = list(record.optional("baselines"), baseline)?;
-        let strokes = list(record.optional("strokes"), StrokeDecl::read)?;
-        let materials = list(record.optional("materials"), |v| Ok((v.text()?.to_owned(), v.place())))?;
-        let strength = record.optional("strength").map_or(Ok(1.0), strength)?;
-        let grids = list(record.optional("grids"), grid)?;
-        let draws = record.optional("draws").map_or(Ok(2), |v| v.i64_in(2..=100, "draws"))? as u64;
-        let steps = record.optional("steps").map_or(Ok(60), |v| v.i64_in(10..=1000, "steps"))? as usize;
-        let times = record.optional("times").map_or(Ok(Times::default()), times)?;
+        let it = Self {
+            source: source.clone(),
+            seed: record.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64,
+            graph: record.optional("graph").map(named).transpose()?,
+            baselines: list(record.optional("baselines"), baseline)?,
+            strokes: list(record.optional("strokes"), StrokeDecl::read)?,
+            materials: list(record.optional("materials"), |v| Ok((v.text()?.to_owned(), v.place())))?,
+            strength: record.optional("strength").map_or(Ok(1.0), strength)?,
+            grids: list(record.optional("grids"), grid)?,
+            draws: record.optional("draws").map_or(Ok(2), |v| v.i64_in(2..=100, "draws"))? as u64,
+            steps: record.optional("steps").map_or(Ok(60), |v| v.i64_in(10..=1000, "steps"))? as usize,
+            times: record.optional("times").map_or(Ok(Times::default()), times)?,
+            lenient: false,
+        };
         let whole = record.value();
         record.finish()?;
-        if strokes.is_empty() {
+        if it.strokes.is_empty() {
             return Err(whole
                 .error("this trade-off has no strokes")
                 .help("strokes: [(name: \"circle\", shape: circle, speed_mm_s: 60.0)]"));
         }
-        if !materials.is_empty()
-            && let Some(stroke) = strokes.iter().find(|s| s.lacks_material())
+        if !it.materials.is_empty()
+            && let Some(stroke) = it.strokes.iter().find(|s| s.lacks_material())
         {
             let message = format!("the recording `{}` does not say its material", stroke.name);
             let help = "material: \"the name it has in the graph's library\"";
             return Err(Diagnostic::new(message).at_place(&stroke.place).help(help));
         }
-        if let Some(b) = baselines.iter().find(|b| b.name == DEFAULT || b.name.trim().is_empty()) {
+        if let Some(b) = it.baselines.iter().find(|b| b.name == DEFAULT || b.name.trim().is_empty()) {
             return Err(Diagnostic::new(format!("a baseline cannot be named `{}`", b.name))
                 .at_place(&b.place)
                 .help("`default` is the name of the unchanged graph"));
         }
-        no_duplicates(baselines.iter().map(|b| (&b.name, &b.place)))?;
-        no_duplicates(strokes.iter().map(|s| (&s.name, &s.place)))?;
-        no_duplicates(materials.iter().map(|(name, place)| (name, place)))?;
-        Ok(Self {
-            source: source.clone(),
-            seed,
-            graph,
-            baselines,
-            strokes,
-            materials,
-            strength,
-            grids,
-            draws,
-            steps,
-            times,
-            lenient: false,
-        })
+        no_duplicates(it.baselines.iter().map(|b| (&b.name, &b.place)))?;
+        no_duplicates(it.strokes.iter().map(|s| (&s.name, &s.place)))?;
+        no_duplicates(it.materials.iter().map(|(name, place)| (name, place)))?;
+        Ok(it)
     }
 }
 
@@ -237,22 +227,12 @@ fn grid(value: &Value) -> Result<Grid, Diagnostic> {
 fn times(value: &Value) -> Result<Times, Diagnostic> {
     let mut record = value.record("Times")?;
     let d = Times::default();
-    let turns = record.optional("turns").map_or(Ok(d.turns as i64), |v| v.i64_in(2..=1000, "turns"))?;
-    let turn_ms = record.optional("turn_ms").map_or(Ok(d.turn_ms as i64), |v| v.i64_in(8..=60_000, "ms"))?;
-    let batch = record.optional("batch").map_or(Ok(d.batch as i64), |v| v.i64_in(1..=1000, "settings"))?;
+    let mut number = |name: &str, default: u64, range, unit: &str| {
+        record.optional(name).map_or(Ok(default as i64), |v| v.i64_in(range, unit)).map(|n| n as u64)
+    };
+    let turns = number("turns", d.turns as u64, 2..=1000, "turns")? as usize;
+    let turn_ms = number("turn_ms", d.turn_ms, 8..=60_000, "ms")?;
+    let batch = number("batch", d.batch as u64, 1..=1000, "settings")? as usize;
     record.finish()?;
-    Ok(Times { turns: turns as usize, turn_ms: turn_ms as u64, batch: batch as usize })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn old_study_file_is_refused_with_the_new_word() {
-        let source = Source::new("s.ron", "// Mine.\n  Study(version: 1, strokes: [(name: \"s\")])");
-        assert!(Tradeoff::is_meant(&source));
-        let e = Tradeoff::parse(&source).unwrap_err().to_string();
-        assert!(e.starts_with("s.ron:2:3:") && e.contains("`Tradeoff(...)`"), "{e}");
-    }
+    Ok(Times { turns, turn_ms, batch })
 }

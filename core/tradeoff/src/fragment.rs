@@ -26,19 +26,12 @@ impl Fragment {
         let home = file.source.path().parent().unwrap_or(Path::new(""));
         let text = |node: &NodeDecl| at_home(node, &base.registry, home).to_string();
         let before: Vec<String> = file.nodes.iter().map(text).collect();
-        let new: Vec<(&NodeDecl, String)> = setting
-            .nodes
-            .iter()
-            .map(|node| (node, text(node)))
-            .filter(|(_, text)| !before.contains(text))
-            .collect();
+        let new = setting.nodes.iter().map(|node| (node, text(node)));
+        let new: Vec<(&NodeDecl, String)> = new.filter(|(_, text)| !before.contains(text)).collect();
         let mut plugins: Vec<(String, String)> = Vec::new();
         for (node, _) in &new {
-            let kind = base.registry.get(&node.kind);
-            let Some(from) = kind.filter(|kind| kind.build() != 0).map(|kind| Path::new(kind.origin()))
-            else {
-                continue;
-            };
+            let Some(kind) = base.registry.get(&node.kind).filter(|kind| kind.build() != 0) else { continue };
+            let from = Path::new(kind.origin());
             let of = (node.kind.clone(), name_of(from));
             if !file.plugins.iter().any(|decl| is_file_of(&decl.name, from)) && !plugins.contains(&of) {
                 plugins.push(of);

@@ -5,6 +5,8 @@ use asperity_diagnostics::{Diagnostic, Place, nearest, one_of};
 use asperity_graph::{EVERY, Endpoint, GraphFile, NodeDecl, Setting};
 use asperity_node::{ParamKind, Registry, Role, ShapeSpec};
 
+use crate::setting::LoadedGraph;
+
 /// A knob, and its place in the trade-off file:
 ///
 /// - `tick_hz` and `audio_hz` of the graph;
@@ -64,12 +66,9 @@ impl Knob {
     }
 
     /// Help for a knob that none of these graphs has: the nearest that one has.
-    pub(crate) fn nearest<'g>(
-        &self,
-        graphs: impl Iterator<Item = (&'g GraphFile, &'g Registry)> + Clone,
-    ) -> String {
-        let ids: Vec<&str> =
-            graphs.clone().flat_map(|(g, _)| g.nodes.iter().map(|n| n.id.as_str())).collect();
+    pub(crate) fn nearest(&self, bases: &[LoadedGraph]) -> String {
+        let nodes = || bases.iter().flat_map(|b| b.graph.nodes.iter().map(|n| (n, &b.registry)));
+        let ids: Vec<&str> = nodes().map(|(n, _)| n.id.as_str()).collect();
         let Some((node, param)) = self.param() else {
             return one_of(&self.name, ids.into_iter().chain(GLOBAL));
         };
@@ -77,13 +76,11 @@ impl Knob {
             let near = nearest(node, ids.iter().copied());
             return near.map_or_else(|| one_of(node, ids), |near| format!("did you mean `{near}.{param}`?"));
         }
-        let mut names = vec![format!("{node}.every")];
-        for (graph, registry) in graphs {
-            let of = graph.nodes.iter().filter(|n| node == "*" || n.id == node);
-            for kind in of.filter_map(|n| registry.get(&n.kind)) {
-                names.extend(kind.descriptor().params.iter().map(|p| format!("{node}.{}", p.name)));
-            }
-        }
+        let of = nodes().filter(|(n, _)| node == "*" || n.id == node);
+        let params =
+            of.filter_map(|(n, registry)| registry.get(&n.kind)).flat_map(|k| &k.descriptor().params);
+        let mut names: Vec<String> = params.map(|p| format!("{node}.{}", p.name)).collect();
+        names.push(format!("{node}.every"));
         names.sort();
         names.dedup();
         one_of(&self.name, names.iter().map(String::as_str))
@@ -128,7 +125,6 @@ impl Knob {
     }
 }
 
-/// Sets a parameter.
 pub(crate) fn set(node: &mut NodeDecl, param: &str, value: &Value) {
     node.params.retain(|s| s.name != param);
     let (place, value) = (value.place(), value.clone());

@@ -131,7 +131,7 @@ fn parameters_rates_and_guards_are_set() {
 
 #[test]
 fn nearest_knob_is_suggested() {
-    let (registry, graph) = (registry(), graph());
+    let base = LoadedGraph { registry: registry(), ..crate::testing::loaded("g", graph()) };
     for (text, want) in [
         ("phase.framez", "`phase.frames`"),
         ("phas.frames", "`phase.frames`"),
@@ -141,10 +141,10 @@ fn nearest_knob_is_suggested() {
         ("phase.evry", "`phase.every`"),
         ("*.evry", "`*.every`"),
     ] {
-        let help = knob(text).unwrap().nearest(std::iter::once((&graph, &registry)));
+        let help = knob(text).unwrap().nearest(std::slice::from_ref(&base));
         assert_eq!(help, format!("did you mean {want}?"), "{text}");
         // The suggestion exists.
-        assert!(knob(want.trim_matches('`')).unwrap().fits(&graph, &registry), "{want}");
+        assert!(knob(want.trim_matches('`')).unwrap().fits(&base.graph, &base.registry), "{want}");
     }
 }
 
@@ -157,12 +157,8 @@ fn invalid_knobs_and_values_are_refused() {
     for text in ["phase.frame", "nothing.frames", "nothing", "*.nothing"] {
         assert!(!knob(text).unwrap().fits(&graph, &registry), "{text}");
     }
-    let turn = |text: &str, value: &str| {
-        let value = ron::parse(&Source::new("value", value)).unwrap();
-        let mut turned = Turned { graph: graph.clone(), guards: true };
-        knob(text).unwrap().turn(&mut turned, &value, &registry).unwrap_err().to_string()
-    };
-    for (knob, value, want) in [
+    let value = |text: &str| ron::parse(&Source::new("value", text)).unwrap();
+    for (name, text, want) in [
         ("phase", "gone", "a node cannot be set to `gone`"),
         ("phase", r#"(kind: "spsy")"#, "spsi"),
         ("guards", "3", "value:1"),
@@ -172,9 +168,12 @@ fn invalid_knobs_and_values_are_refused() {
         ("phase.every", "1001", "1000"),
         ("stylus", "bypassed", "it has no input wire"),
     ] {
-        assert!(turn(knob, value).contains(want), "{knob}={value}");
+        let mut turned = Turned { graph: graph.clone(), guards: true };
+        let e = knob(name).unwrap().turn(&mut turned, &value(text), &registry).unwrap_err();
+        assert!(e.to_string().contains(want), "{name}={text}: {e}");
     }
-    let value = ron::parse(&Source::new("value", r#"(kind: "mine")"#)).unwrap();
-    assert_eq!(knob("phase").unwrap().unknown_kind(&value, &registry), Some("mine"));
-    assert_eq!(knob("phase.frames").unwrap().unknown_kind(&value, &registry), None);
+    for (name, unknown) in [("phase", Some("mine")), ("phase.frames", None)] {
+        let value = value(r#"(kind: "mine")"#);
+        assert_eq!(knob(name).unwrap().unknown_kind(&value, &registry), unknown);
+    }
 }

@@ -1,8 +1,8 @@
 //! The trade-off between accuracy and cost: many settings of a graph over the same strokes and materials.
 //!
-//! A [`Tradeoff`] file lists knobs with their values, strokes and materials. [`Settings`] are the graphs that
-//! follow from it. [`Prepared::run`] measures each of them: [accuracy](Figure), hard cases, time and response
-//! lag. [`Results`] choose a setting for a [`Budget`] and write the report.
+//! A [`Tradeoff`] file lists knobs with their values, strokes and materials. Each combination of values is a
+//! setting. [`Prepared::run`] measures each of them: [accuracy](Figure), hard cases, time and response lag.
+//! [`Results`] choose a setting for a [`Budget`] and write the report.
 
 mod accuracy;
 mod chain;
@@ -12,20 +12,15 @@ mod figure;
 mod file;
 mod fragment;
 mod knob;
-mod lag;
-mod markdown;
-mod merge;
 mod noise;
 mod patch;
 mod pictures;
-mod prepare;
 mod progress;
 mod report;
 mod results;
 mod run;
 mod setting;
 mod stroke;
-mod table;
 #[cfg(test)]
 mod testing;
 mod time;
@@ -35,8 +30,7 @@ pub use choose::{Budget, Choice, Misfit};
 pub use digest::content;
 pub use figure::{Figure, Figures};
 pub use file::{Baseline, Tradeoff};
-pub use lag::Response;
-pub use prepare::{Job, Prepared};
 pub use results::{Fragment, Machine, Results, Row, Time};
-pub use setting::{LoadedGraph, Settings};
+pub use run::{Job, Prepared};
+pub use setting::LoadedGraph;
 pub use time::Monitor;

@@ -32,7 +32,6 @@ const LOOKED_HZ: f64 = 200.0;
 /// A flat patch of a surface, around its middle.
 #[derive(Clone, Debug)]
 pub(crate) struct Patch {
-    /// Name of the surface.
     name: String,
     surface: Surface,
     /// Height of the face in the surface's coordinates \[mm\].
@@ -168,34 +167,29 @@ pub(crate) fn strokes<'b>(
     graphs: impl Iterator<Item = &'b LoadedGraph>,
     notes: &mut Vec<String>,
 ) -> Result<Vec<Stroke>, Diagnostic> {
-    let mut patches = Vec::new();
-    for base in graphs {
-        patches.extend(Patch::of(&base.graph, &base.registry)?);
-    }
+    let patches = graphs.map(|base| Patch::of(&base.graph, &base.registry));
+    let patches: Vec<Option<Patch>> = patches.collect::<Result<_, _>>()?;
     let mut strokes = Vec::new();
     for decl in &tradeoff.strokes {
         let mut stroke = decl.open()?;
-        for patch in &patches {
-            let Some(room) = patch.room_mm else { continue };
+        for patch in patches.iter().flatten() {
+            let Some(room @ [x, y]) = patch.room_mm else { continue };
             let size = bounds(&stroke).map(|[low, high]| high - low);
             if size[0] <= room[0] && size[1] <= room[1] {
                 continue;
             }
-            let [x, y] = room;
+            let (name, surface) = (&stroke.name, &patch.name);
             let Some(smaller) = decl.shrunk(x.min(y)) else {
-                return Err(Diagnostic::new(format!(
-                    "`{}` is {:.0} by {:.0} mm, and `{}` has room for {x:.0} by {y:.0}",
-                    stroke.name, size[0], size[1], patch.name
-                ))
-                .at_place(&decl.place)
-                .help("a stroke of a `shape` is shrunk to fit"));
+                let message = format!(
+                    "`{name}` is {:.0} by {:.0} mm, and `{surface}` has room for {x:.0} by {y:.0}",
+                    size[0], size[1]
+                );
+                let help = "a stroke of a `shape` is shrunk to fit";
+                return Err(Diagnostic::new(message).at_place(&decl.place).help(help));
             };
             let (smaller, large) = smaller?;
+            notes.push(format!("`{name}` is shrunk to {large:.0} mm: `{surface}` has no room for more"));
             stroke = smaller;
-            notes.push(format!(
-                "`{}` is shrunk to {large:.0} mm: `{}` has no room for more",
-                stroke.name, patch.name
-            ));
         }
         strokes.push(stroke);
     }
@@ -255,29 +249,28 @@ mod tests {
     }
 
     #[test]
-    fn covered_and_curved_surfaces_have_no_patch() {
+    fn covered_curved_and_rough_surfaces_have_no_patch() {
         let dir = tempfile::tempdir().unwrap();
-        let two = format!(r#""a": {}, "b": {}"#, rectangle("(0, 0, 0)"), rectangle("(5, 0, 1)"));
-        assert_eq!(patch(dir.path(), &two).unwrap().name, "b");
         let ball = format!(r#""ball": (shape: sphere(radius_mm: 30), effects: ({TEXTURE}))"#);
-        let e = patch(dir.path(), &ball).unwrap_err();
-        assert!(e.to_string().contains("room for a stroke"), "{e}");
-    }
-
-    #[test]
-    fn relief_has_no_patch() {
-        let dir = tempfile::tempdir().unwrap();
         let shape = r#"relief(heights: made(surface: "rubber pebble mat", side: 256, step_mm: 0.08),
             scale: 10.0, size_mm: (20, 20))"#;
         let hills = format!(r#""hills": (shape: {shape}, effects: ({TEXTURE}))"#);
-        let both = format!("{hills}, \"flat\": {}", rectangle("(100, 0, 0)"));
-        assert_eq!(patch(dir.path(), &both).unwrap().name, "flat");
-        let e = patch(dir.path(), &hills).unwrap_err().to_string();
+        for (surfaces, found) in [
+            (format!(r#""a": {}, "b": {}"#, rectangle("(0, 0, 0)"), rectangle("(5, 0, 1)")), Ok("b")),
+            (format!(r#"{hills}, "flat": {}"#, rectangle("(100, 0, 0)")), Ok("flat")),
+            (ball, Err("room for a stroke")),
+            (hills, Err("no relief")),
+        ] {
+            match (patch(dir.path(), &surfaces), found) {
+                (Ok(patch), Ok(name)) => assert_eq!(patch.name, name),
+                (Err(e), Err(why)) => assert!(e.to_string().contains(why), "{e}"),
+                (other, _) => panic!("{found:?}: {other:?}"),
+            }
+        }
+        // The hills are high.
         let scene = Scene::read(dir.path().join("scene.ron")).unwrap();
         let Form::Relief(relief) = scene.surfaces[0].surface.shape.form() else { panic!("no relief") };
-        let [low, high] = relief.bounds_mm;
-        assert!(high - low > 3.0, "{low} to {high} mm");
-        assert!(e.contains("no relief"), "{e}");
+        assert!(relief.bounds_mm[1] - relief.bounds_mm[0] > 3.0, "{:?}", relief.bounds_mm);
     }
 
     #[test]

@@ -73,40 +73,36 @@ impl Results {
 
     /// A figure over the load, as text; empty where no setting has both.
     pub fn chart(&self, figure: Figure) -> String {
-        let known = |row: &Row| Some((row.load().filter(|l| *l > 0.0)?.log10(), row.figure(figure)?));
-        let all: Vec<(usize, (f64, f64))> =
-            self.rows.iter().enumerate().filter_map(|(i, row)| Some((i, known(row)?))).collect();
-        let range = |of: fn(&(f64, f64)) -> f64| {
-            let each = || all.iter().map(|(_, at)| of(at)).filter(|x| x.is_finite());
-            (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max))
+        let known = |(i, row): (usize, &Row)| {
+            let (x, y) = (row.load().filter(|l| *l > 0.0)?.log10(), row.figure(figure)?);
+            (x.is_finite() && y.is_finite()).then_some((i, x, y))
         };
-        let ((left, right), (low, high)) = (range(|p| p.0), range(|p| p.1));
-        if all.is_empty() || !(low.is_finite() && left.is_finite()) {
+        let mut all: Vec<(usize, f64, f64)> = self.rows.iter().enumerate().filter_map(known).collect();
+        if all.is_empty() {
             return String::new();
         }
+        let ends = |of: fn(&(usize, f64, f64)) -> f64| {
+            let each = || all.iter().map(of);
+            (each().fold(f64::INFINITY, f64::min), each().fold(f64::NEG_INFINITY, f64::max))
+        };
+        let ((left, right), (low, high)) = (ends(|p| p.1), ends(|p| p.2));
         let (width, height) = SIZE;
         let part = |x: f64, from: f64, to: f64| if to > from { (x - from) / (to - from) } else { 0.5 };
-        let mut cells = vec![vec![' '; width]; height];
         let front = self.pareto_front(figure);
         // Higher ranks are drawn over lower ones.
-        let rank = |i: usize| {
-            let row = &self.rows[i];
-            match (row.default, row.baseline, front.contains(&i), row.sound()) {
-                (true, ..) => (4, 'D'),
-                (_, true, ..) => (3, 'B'),
-                (_, _, true, _) => (2, 'o'),
-                (_, _, _, true) => (1, '.'),
-                _ => (0, 'x'),
-            }
+        let rank = |i: usize| match (&self.rows[i], front.contains(&i)) {
+            (Row { default: true, .. }, _) => (4, 'D'),
+            (Row { baseline: true, .. }, _) => (3, 'B'),
+            (_, true) => (2, 'o'),
+            (row, _) if row.sound() => (1, '.'),
+            _ => (0, 'x'),
         };
-        let mut order = all.clone();
-        order.sort_by_key(|(i, _)| rank(*i).0);
-        for (i, (x, y)) in order {
+        all.sort_by_key(|(i, ..)| rank(*i).0);
+        let mut cells = vec![vec![' '; width]; height];
+        for (i, x, y) in all {
             let column = (part(x, left, right) * (width - 1) as f64).round() as usize;
             let line = ((1.0 - part(y, low, high)) * (height - 1) as f64).round() as usize;
-            if let Some(cell) = cells.get_mut(line).and_then(|l| l.get_mut(column)) {
-                *cell = rank(i).1;
-            }
+            cells[line][column] = rank(i).1;
         }
         let decimals = figure.decimals();
         let better = if figure.more_is_better() { "more is better" } else { "less is better" };
@@ -115,13 +111,11 @@ impl Results {
         for (n, line) in cells.iter().enumerate() {
             let value = high - (high - low) * n as f64 / (height - 1) as f64;
             let label = if n % 5 == 0 { format!("{value:8.decimals$}") } else { " ".repeat(8) };
-            let text: String = line.iter().collect();
-            let _ = writeln!(out, "{label} |{}", text.trim_end());
+            let _ = writeln!(out, "{label} |{}", line.iter().collect::<String>().trim_end());
         }
-        let ends = (10f64.powf(left), 10f64.powf(right));
+        let (pad, ends) = (width - 20, [left, right].map(|end| 10f64.powf(end)));
         let _ = writeln!(out, "{:8} +{}", "", "-".repeat(width));
-        let pad = width.saturating_sub(20);
-        let _ = writeln!(out, "{:8}  {:<.3} %{:>pad$.3} % of a core", "", ends.0, ends.1);
+        let _ = writeln!(out, "{:8}  {:<.3} %{:>pad$.3} % of a core", "", ends[0], ends[1]);
         out + "          D the default, B a baseline, o Pareto front, x cannot be chosen\n"
     }
 }

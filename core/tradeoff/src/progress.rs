@@ -11,7 +11,6 @@ use asperity_diagnostics::Diagnostic;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Name of the file.
 const NAME: &str = "progress.jsonl";
 
 /// The file, locked while it is open.
@@ -48,8 +47,8 @@ impl Progress {
                 end += line.len();
             }
         }
-        let cut = file.set_len(end as u64).and_then(|()| file.seek(SeekFrom::Start(end as u64)));
-        cut.map_err(fail)?;
+        let at_end = file.set_len(end as u64).and_then(|()| file.seek(SeekFrom::Start(end as u64)));
+        at_end.map_err(fail)?;
         let mut it = Self { path, file };
         if end == 0 {
             it.write(digest)?;

@@ -1,9 +1,8 @@
-//! Results as a page to read in two minutes.
+//! Results as a page to read in two minutes, and as comma-separated values.
 
 use crate::choose::Budget;
 use crate::figure::Figure;
-use crate::markdown::{code, message, named, plain, reason, table};
-use crate::results::{Results, Row};
+use crate::results::{Results, Row, Time};
 
 /// Budgets of the report, in microseconds a tick; none for any.
 const BUDGETS_US: [Option<f64>; 7] =
@@ -22,6 +21,12 @@ const SHOWN: [Figure; 6] = [
 const FIRST: usize = 4;
 /// Most settings of a grid, most reasons, and most names of a reason.
 const MOST_LINES: usize = 8;
+/// Most characters of a name and of a reason in a table: results.json has all of it.
+const NAME: usize = 72;
+const REASON: usize = 200;
+
+/// Cells of a line of a table.
+type Line = Vec<String>;
 
 impl Results {
     /// The report, in Markdown. Pictures are named by [`picture_name`](Self::picture_name).
@@ -60,7 +65,7 @@ impl Results {
             let left = of(self.unfinished, "setting is", "settings are");
             out += &format!("**{left} not finished:** the run was stopped.\n\n");
         }
-        let missing: Vec<String> = self.missing_shards().iter().map(usize::to_string).collect();
+        let missing: Line = self.missing_shards().iter().map(usize::to_string).collect();
         if !missing.is_empty() {
             let (of, missing) = (self.shards.first().map_or(1, |s| s.1), missing.join(", "));
             out += &format!("**Missing shards: {missing} of {of}**, with their settings.\n\n");
@@ -83,7 +88,7 @@ impl Results {
     fn links(&self, over: &str, cost: fn(&Row) -> Option<f64>) -> String {
         let drawn = |f: &Figure| self.rows.iter().any(|r| r.figure(*f).is_some() && cost(r).is_some());
         let link = |f: Figure| format!("[{}]({})", f.name(), Self::picture_name(f, over));
-        let links: Vec<String> = Figure::all().filter(drawn).map(link).collect();
+        let links: Line = Figure::all().filter(drawn).map(link).collect();
         if links.is_empty() { "none".into() } else { links.join(", ") }
     }
 
@@ -94,12 +99,11 @@ impl Results {
 
     fn budgets(&self) -> String {
         let shown = self.shown();
-        let mut lines: Vec<Vec<String>> = Vec::new();
-        for (lag_ms, tick_us) in LAGS_MS.into_iter().flat_map(|lag| BUDGETS_US.map(|us| (lag, us))) {
-            let choice = self.choose(&Budget { tick_us, lag_ms, ..Budget::default() });
-            let Some((row, time)) = choice.and_then(|c| Some((c.row, c.row.time?))) else { continue };
+        let line = |(lag_ms, tick_us)| {
+            let row = self.choose(&Budget { tick_us, lag_ms, ..Budget::default() })?.row;
+            let time = row.time?;
             let limit = |most: Option<f64>| most.map_or("any".to_owned(), |most| most.to_string());
-            let mut line = vec![
+            let cells = [
                 limit(tick_us),
                 limit(lag_ms),
                 named(row),
@@ -108,12 +112,9 @@ impl Results {
                 format!("{:.1}", time.stall_us),
                 ms(row.lag50()),
             ];
-            line.extend(shown.iter().map(|f| f.shown(row.figure(*f))));
-            lines.push(line);
-        }
-        if lines.is_empty() {
-            return String::new();
-        }
+            Some(cells.into_iter().chain(figures(row, &shown)).collect())
+        };
+        let limits = LAGS_MS.into_iter().flat_map(|lag| BUDGETS_US.map(|us| (lag, us)));
         let by: Vec<&str> = self.usual().into_iter().map(Figure::name).collect();
         let by = match by.as_slice() {
             [] => "No figure is known: the setting with the lowest load.".to_owned(),
@@ -124,10 +125,12 @@ impl Results {
                 some.join(", then ")
             ),
         };
-        let mut titles = words("us a tick; longest lag, ms; setting; load %; p50 / p99.9 us");
-        titles.extend(words("stalls in p99.9, us; lag, ms"));
-        titles.extend(shown.iter().map(|f| f.with_unit()));
-        format!("## Which setting for which budget\n\n{by}\n\n{}", table(&titles, lines))
+        let titles =
+            "us a tick; longest lag, ms; setting; load %; p50 / p99.9 us; stalls in p99.9, us; lag, ms";
+        section(
+            &format!("Which setting for which budget\n\n{by}"),
+            table(titles, &shown, limits.filter_map(line).collect()),
+        )
     }
 
     fn steps(&self) -> String {
@@ -137,8 +140,7 @@ impl Results {
         if figures.is_empty() {
             figures.extend([Figure::Convergence].into_iter().filter(known));
         }
-        let mut out = String::new();
-        for figure in figures {
+        let step = |figure: Figure| {
             let digits = figure.decimals();
             let mut before: Option<(f64, f64)> = None;
             let lines = self.pareto_front(figure).into_iter().filter_map(|i| {
@@ -151,35 +153,32 @@ impl Results {
                 let load = format!("{load:.2}");
                 Some(vec![figure.shown(Some(x)), gain, load, cost, ms(row.lag50()), named(row)])
             });
-            let mut titles = vec![figure.with_unit().replace(' ', ", ")];
-            titles.extend(words("gain; load %; cost; lag, ms; setting"));
-            out += &table(&titles, lines.collect::<Vec<_>>());
-        }
+            let title = figure.with_unit().replace(' ', ", ");
+            table(&format!("{title}; gain; load %; cost; lag, ms; setting"), &[], lines.collect())
+        };
         let how = "From the lowest load on. Each step is better by more than noise.";
-        titled(&format!("The Pareto front, step by step\n\n{how}"), out)
+        let tables: String = figures.into_iter().map(step).collect();
+        section(&format!("The Pareto front, step by step\n\n{how}"), tables)
     }
 
     fn baselines(&self) -> String {
-        if !self.rows.iter().any(|row| row.baseline) {
-            return String::new();
-        }
         let known = |f: &Figure| self.rows.iter().any(|r| r.baseline && r.figure(*f).is_some());
-        let figures: Vec<Figure> = Figure::all().filter(known).collect();
-        let mut titles = words("graph; load %; lag, ms");
-        titles.extend(figures.iter().map(|f| f.with_unit()));
+        let all: Vec<Figure> = Figure::all().filter(known).collect();
         let line = |row: &Row| {
             let load = row.load().map_or("-".into(), |load| format!("{load:.2}"));
-            let cells = [named(row), load, ms(row.lag50())];
-            cells.into_iter().chain(figures.iter().map(|f| f.shown(row.figure(*f)))).collect()
+            [named(row), load, ms(row.lag50())].into_iter().chain(figures(row, &all)).collect()
         };
-        let rows = self.rows.iter().filter(|row| row.default || row.baseline).map(line);
-        titled("Baselines\n\nOther graphs, over the same strokes and materials.", table(&titles, rows))
+        let any = self.rows.iter().any(|row| row.baseline);
+        let rows = self.rows.iter().filter(|row| any && (row.default || row.baseline));
+        section(
+            "Baselines\n\nOther graphs, over the same strokes and materials.",
+            table("graph; load %; lag, ms", &all, rows.map(line).collect()),
+        )
     }
 
     fn limits(&self) -> String {
-        let Some(default) = self.default_row() else { return String::new() };
         let lines = self.model.iter().filter_map(|(&figure, &reference)| {
-            let (now, (best, value)) = (default.figure(figure)?, self.best(figure)?);
+            let (now, (best, value)) = (self.default_row()?.figure(figure)?, self.best(figure)?);
             let left = figure.gain(reference, value);
             let left = if left <= 0.0 {
                 "nothing".into()
@@ -192,19 +191,15 @@ impl Results {
             let [reference, now] = [reference, now].map(|x| figure.shown(Some(x)));
             Some(vec![figure.name().into(), reference, now, best, left])
         });
-        let lines: Vec<Vec<String>> = lines.collect();
-        if lines.is_empty() {
-            return String::new();
-        }
         let titles =
-            words("figure; the network's magnitudes; the default; the best setting; left to gain behind it");
-        titled(
+            "figure; the network's magnitudes; the default; the best setting; left to gain behind it";
+        section(
             "Where the model is the limit\n\n\
              The reference: figures of the network's own magnitudes, under the default.\n\
              Nodes behind the network can pass it, by correcting its errors.\n\
              Where nothing is left to gain, a better network is likely to help; \
              phase retrieval and actuator model are not.",
-            table(&titles, lines),
+            table(titles, &[], lines.collect()),
         )
     }
 
@@ -222,19 +217,17 @@ impl Results {
                 grids.push(grid);
             }
         }
-        let mut titles = words("setting; load; lag, ms");
-        titles.extend(self.shown().into_iter().map(Figure::with_unit));
         let mut out = String::new();
         for grid in grids {
             let rows = self.rows.iter().filter(|r| !r.default && r.grids.contains(grid));
-            let mut lines: Vec<Vec<String>> = rows.map(|row| self.compared(row)).collect();
+            let mut lines: Vec<Line> = rows.map(|row| self.compared(row)).collect();
             lines.sort_by_key(|cells| cells[1..].iter().all(|c| c == "=" || c == "-"));
-            if lines.is_empty() {
-                continue;
-            }
             let more = lines.len().saturating_sub(MOST_LINES);
             lines.truncate(MOST_LINES);
-            out += &format!("### {}\n\n{}", plain(grid), table(&titles, lines));
+            if !lines.is_empty() {
+                let table = table("setting; load; lag, ms", &self.shown(), lines);
+                out += &format!("### {}\n\n{table}", plain(grid));
+            }
             if more > 0 {
                 out += &format!("{more} more are in results.csv.\n\n");
             }
@@ -245,13 +238,12 @@ impl Results {
             }
             _ => "the default".to_owned(),
         };
-        let head =
-            format!("Knob by knob\n\nCompared with {default}. The load is a ratio. `=`: equal within noise.");
-        titled(&head, out)
+        let how = format!("Compared with {default}. The load is a ratio. `=`: equal within noise.");
+        section(&format!("Knob by knob\n\n{how}"), out)
     }
 
     /// Name, load, lag and figures of a row, compared with the default's.
-    fn compared(&self, row: &Row) -> Vec<String> {
+    fn compared(&self, row: &Row) -> Line {
         let default = self.default_row();
         let load = match (row.load(), default.and_then(Row::load)) {
             _ if row.error.is_some() => "does not run".into(),
@@ -276,10 +268,10 @@ impl Results {
 
     fn unsound(&self) -> String {
         // Settings with the same reason share a line.
-        let mut lines: Vec<(String, Vec<String>)> = Vec::new();
+        let mut reasons: Vec<(String, Line)> = Vec::new();
         for row in self.rows.iter().filter(|r| !r.sound()) {
             let fails = row.fails.iter().map(|(case, found)| format!("{case}: {found}"));
-            let mut why: Vec<String> = row.error.iter().cloned().chain(fails).collect();
+            let mut why: Line = row.error.iter().cloned().chain(fails).collect();
             if row.faults > 0 {
                 why.push(format!("nodes failed {} times", row.faults));
             }
@@ -287,25 +279,27 @@ impl Results {
                 why.push("it is not finished".into());
             }
             let why = reason(&why.join("; "));
-            match lines.iter_mut().find(|(there, _)| *there == why) {
+            match reasons.iter_mut().find(|(there, _)| *there == why) {
                 Some((_, names)) => names.push(named(row)),
-                None => lines.push((why, vec![named(row)])),
+                None => reasons.push((why, vec![named(row)])),
             }
         }
-        if lines.is_empty() {
-            return String::new();
+        let line = |(why, names): &(String, Line)| {
+            let more = names.len().saturating_sub(MOST_LINES);
+            let first = names[..names.len() - more].join(", ");
+            let names = if more > 0 { format!("{first} and {more} more") } else { first };
+            vec![names, message(why)]
+        };
+        let mut lines: Vec<Line> = reasons.iter().take(MOST_LINES).map(line).collect();
+        if reasons.len() > MOST_LINES {
+            let more = reasons.len() - MOST_LINES;
+            lines.push(vec![format!("{more} more, in results.csv"), String::new()]);
         }
-        let more = lines.len().saturating_sub(MOST_LINES);
-        let mut cells: Vec<Vec<String>> =
-            lines.iter().take(MOST_LINES).map(|(why, names)| vec![first_of(names), message(why)]).collect();
-        if more > 0 {
-            cells.push(vec![format!("{more} more, in results.csv"), String::new()]);
-        }
-        titled("What cannot be chosen", table(&words("setting; why"), cells))
+        section("What cannot be chosen", table("setting; why", &[], lines))
     }
 
     fn method(&self) -> String {
-        let mut lines: Vec<String> = self.notes.iter().map(|note| message(note)).collect();
+        let mut lines: Line = self.notes.iter().map(|note| message(note)).collect();
         for m in &self.machines {
             let (cpu, system, build) = (plain(&m.cpu), plain(&m.system), plain(&m.build));
             lines.push(format!("{cpu}, {} cores, {system}; {build}", m.cores));
@@ -332,37 +326,138 @@ impl Results {
         let floor = |(f, x): (&Figure, &f64)| {
             format!("{} {x:.*} {}", f.name(), f.decimals() + 1, f.unit()).trim_end().to_owned()
         };
-        let mut floors: Vec<String> = self.noise_floor.iter().map(floor).collect();
+        let mut floors: Line = self.noise_floor.iter().map(floor).collect();
         if !floors.is_empty() {
             floors.extend(self.lag_noise_floor_ms.map(|ms| format!("lag {ms:.1} ms")));
             floors.extend(self.load_noise_floor.map(|r| format!("load {:.0} %", (r - 1.0) * 100.0)));
             let what = "noise floor (95 % of the differences between draws of one setting)";
             lines.push(format!("{what}: {}", floors.join(", ")));
         }
-        let lines: String = lines.into_iter().map(|line| format!("- {line}\n")).collect();
-        titled("How it was measured", lines)
+        section("How it was measured", lines.into_iter().map(|line| format!("- {line}\n")).collect())
+    }
+
+    /// A table of comma-separated values with a line for each setting. Unknown values are empty.
+    pub fn csv(&self) -> String {
+        let mut out = csv::Writer::from_writer(Vec::new());
+        let titles = cells(&Row::default()).into_iter().map(|(title, _)| title).collect();
+        let lines = self.rows.iter().map(|row| cells(row).into_iter().map(|(_, value)| value).collect());
+        for line in std::iter::once::<Line>(titles).chain(lines) {
+            // Into memory, and all lines have as many fields: nothing can fail.
+            let _ = out.write_record(line);
+        }
+        String::from_utf8(out.into_inner().unwrap_or_default()).unwrap_or_default()
     }
 }
 
+/// Titles and values of a row of the CSV table.
+fn cells(row: &Row) -> Vec<(String, String)> {
+    let number = |x: Option<f64>| x.map_or(String::new(), |x| ((x * 1e4).round() / 1e4).to_string());
+    let time = |of: fn(&Time) -> f64| row.time.as_ref().map(of);
+    let mut all: Vec<(String, String)> = Vec::new();
+    let mut put = |title: &str, value: String| all.push((title.to_owned(), value));
+    put("setting", row.name.clone());
+    put("graph", row.graph.clone());
+    put("grids", row.grids.join("; "));
+    put("default", row.default.to_string());
+    put("baseline", row.baseline.to_string());
+    put("tick_hz", row.tick_hz.to_string());
+    for figure in Figure::all() {
+        put(&figure.with_unit().to_lowercase().replace(' ', "_"), number(row.figure(figure)));
+    }
+    for (i, part) in [10, 50, 90].into_iter().enumerate() {
+        put(&format!("lag_{part}_ms"), number(row.lag_ms.map(|l| l[i])));
+    }
+    put("latency_ms", number(row.latency_ms));
+    put("load_percent", number(time(|t| t.load_percent)));
+    let of_tick: [(&str, fn(&Time) -> f64); 4] =
+        [("p50", |t| t.p50_us), ("p99", |t| t.p99_us), ("p999", |t| t.p999_us), ("max", |t| t.max_us)];
+    for (name, of) in of_tick {
+        put(&format!("{name}_us"), number(time(of)));
+        put(&format!("{name}_percent"), number(time(of).map(|us| us * f64::from(row.tick_hz) * 1e-4)));
+    }
+    put("stall_us", number(time(|t| t.stall_us)));
+    put("cold_us", number(time(|t| t.cold_us)));
+    put("misses", number(time(|t| t.misses as f64)));
+    put("ticks", number(time(|t| t.ticks as f64)));
+    put("memory_kib", number(row.time.and_then(|t| t.memory_kib)));
+    put("faults", row.faults.to_string());
+    put("cases", row.cases.to_string());
+    put("fails", row.fails.keys().cloned().collect::<Line>().join("; "));
+    put("error", row.error.as_deref().map_or(String::new(), reason));
+    all
+}
+
 /// A section; nothing without a body.
-fn titled(title: &str, body: String) -> String {
+fn section(title: &str, body: String) -> String {
     if body.is_empty() { body } else { format!("## {title}\n\n{body}") }
+}
+
+/// A table; nothing without lines. Figures have columns behind those of the titles.
+fn table(titles: &str, figures: &[Figure], lines: Vec<Line>) -> String {
+    if lines.is_empty() {
+        return String::new();
+    }
+    let titles: Line =
+        titles.split("; ").map(str::to_owned).chain(figures.iter().map(|f| f.with_unit())).collect();
+    let line = |cells: Line| format!("| {} |\n", cells.join(" | "));
+    let rule = format!("|{}\n", "---|".repeat(titles.len()));
+    [line(titles), rule].into_iter().chain(lines.into_iter().map(line)).chain(["\n".into()]).collect()
+}
+
+/// Cells of some figures.
+fn figures<'f>(row: &'f Row, figures: &'f [Figure]) -> impl Iterator<Item = String> + 'f {
+    figures.iter().map(|f| f.shown(row.figure(*f)))
 }
 
 fn ms(lag: Option<f64>) -> String {
     lag.map_or("-".into(), |ms| format!("{ms:.1}"))
 }
 
-/// Titles from one text.
-fn words(titles: &str) -> Vec<String> {
-    titles.split("; ").map(str::to_owned).collect()
+/// Name of a setting in a table.
+fn named(row: &Row) -> String {
+    code(&cut(&row.name, NAME))
 }
 
-/// Names, of very many only the first.
-fn first_of(names: &[String]) -> String {
-    let more = names.len().saturating_sub(MOST_LINES);
-    let first = names[..names.len() - more].join(", ");
-    if more > 0 { format!("{first} and {more} more") } else { first }
+/// A text of at most so many characters; an ellipsis replaces the rest.
+fn cut(text: &str, most: usize) -> String {
+    if text.chars().count() <= most {
+        return text.to_owned();
+    }
+    let short: String = text.chars().take(most.saturating_sub(1)).collect();
+    short.trim_end().to_owned() + "…"
+}
+
+/// A reason in one line, without the list of names that an error may end with.
+fn reason(text: &str) -> String {
+    let text = text.replace(['\n', '\r'], " ");
+    cut(text.split(" (there are `").next().unwrap_or_default(), REASON)
+}
+
+/// A name in backticks, or escaped where backticks cannot hold it.
+fn code(name: &str) -> String {
+    if name.is_empty() || name.contains(['`', '|', '\n', '\r']) { plain(name) } else { format!("`{name}`") }
+}
+
+/// A text in which nothing is markup.
+fn plain(text: &str) -> String {
+    let mut out = String::new();
+    for c in text.chars() {
+        match c {
+            '\n' | '\r' => out.push(' '),
+            '\\' | '`' | '*' | '_' | '<' | '>' | '[' | ']' | '|' | '#' | '~' | '&' => out.extend(['\\', c]),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// A message whose backticks stay backticks.
+fn message(text: &str) -> String {
+    let parts: Vec<&str> = text.split('`').collect();
+    if parts.len().is_multiple_of(2) {
+        return plain(text);
+    }
+    parts.iter().enumerate().map(|(i, part)| if i % 2 == 1 { code(part) } else { plain(part) }).collect()
 }
 
 #[cfg(test)]

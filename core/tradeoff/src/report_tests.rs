@@ -1,5 +1,4 @@
-use crate::figure::Figure;
-use crate::results::{Results, Row};
+use super::*;
 use crate::testing::{default_row, measured, results, row};
 
 fn in_grid(row: Row, grid: &str) -> Row {
@@ -97,7 +96,7 @@ fn differing_settings_of_a_grid_come_first_and_eight_are_shown() {
     }
     let report = report_of(&all);
     let knobs = report.split("### g").nth(1).unwrap();
-    assert_eq!(knobs.lines().filter(|l| l.starts_with("| `r")).count(), super::MOST_LINES, "{report}");
+    assert_eq!(knobs.lines().filter(|l| l.starts_with("| `r")).count(), MOST_LINES, "{report}");
     assert!(knobs.contains("23 more") && !knobs.contains("`same`"), "{report}");
 }
 
@@ -115,5 +114,47 @@ fn names_in_the_report_are_no_markup() {
         ["a\\|b\\`c\\*d", "my\\|file\\`.ron", "### g \\*1\\* \\<b\\>", "materials: felt\\_\\<i\\>\\|\\*x\\*"]
     {
         assert!(report.contains(want), "{want}: {report}");
+    }
+}
+
+#[test]
+fn names_are_escaped_in_markdown() {
+    for (escaped, want) in [
+        (code("a_b*<c>"), "`a_b*<c>`"),
+        (code("a|b`c\nd"), r"a\|b\`c d"),
+        (plain(r"*a_ <b> [c](d) \#"), r"\*a\_ \<b\> \[c\](d) \\\#"),
+        (message("no `a_b` in c_d"), r"no `a_b` in c\_d"),
+        (message("no `a|b`, <c>"), r"no a\|b, \<c\>"),
+        (message("no `a`b`"), r"no \`a\`b\`"),
+        (cut("äöü", 3), "äöü"),
+        (cut("äöü ß", 4), "äöü…"),
+        (cut("a bcd", 3), "a…"),
+        (reason("no material `x` in l.ron (there are `a`, `b`)"), "no material `x` in l.ron"),
+        (reason("a\nb"), "a b"),
+    ] {
+        assert_eq!(escaped, want);
+    }
+    assert_eq!(reason(&"x".repeat(999)).chars().count(), REASON);
+}
+
+#[test]
+fn csv_has_as_many_fields_a_line_and_quoted_texts() {
+    let mut bad = row("a, \"b\"");
+    bad.error = Some("line 1\nline 2".into());
+    let csv = results(vec![measured("x", 2.0, 0.25, 20.0), bad]).csv();
+    let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(csv.as_bytes());
+    // The reader refuses lines of different lengths.
+    let lines: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+    assert_eq!(lines.len(), 3);
+    let at = |name: &str| lines[0].iter().position(|n| n == name).unwrap();
+    for (line, column, want) in [
+        (1, "level_db", "0.25"),
+        (1, "pitch_ms", ""),
+        (1, "p50_percent", "2"),
+        (1, "ticks", "1000"),
+        (2, "setting", "a, \"b\""),
+        (2, "error", "line 1 line 2"),
+    ] {
+        assert_eq!(&lines[line][at(column)], want);
     }
 }

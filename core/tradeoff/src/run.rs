@@ -1,32 +1,73 @@
 //! Runs a trade-off, from its settings to its results.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use asperity_checks::{Stop, Subject};
+use asperity_checks::{Case, Stop, Subject};
 use asperity_data::made::Ground;
-use asperity_diagnostics::Diagnostic;
-use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{Registry, Role, random};
+use asperity_diagnostics::{Diagnostic, Place};
+use asperity_node::random;
 use asperity_surfaces::topography::made_surfaces;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::accuracy::{Truth, Truths};
+use crate::chain::{check_materials, is_network};
 use crate::digest;
 use crate::figure::Figures;
+use crate::file::Tradeoff;
 use crate::noise;
-use crate::prepare::Prepared;
+use crate::patch;
 use crate::progress::Progress;
-use crate::results::{Fragment, Results, Row, VERSION};
-use crate::setting::{LoadedGraph, Setting};
-use crate::stroke::Known;
+use crate::results::{Machine, Results, Row, VERSION};
+use crate::setting::{LoadedGraph, Setting, Settings};
+use crate::stroke::{Known, Stroke};
 use crate::time::{Batch, Monitor, batch};
 
 /// Pieces of a surface in each draw of the ground truth, and places on each where a stroke begins.
 const PIECES: u64 = 2;
 const PLACES: usize = 2;
+
+/// A run of a trade-off, as it is asked for.
+#[derive(Debug)]
+pub struct Job<'a> {
+    /// The trade-off.
+    pub tradeoff: &'a Tradeoff,
+    /// Graphs whose settings are varied; at least one.
+    pub bases: &'a [LoadedGraph],
+    /// Graphs that are measured unchanged.
+    pub baselines: &'a [LoadedGraph],
+    /// Threads for everything but times.
+    pub jobs: usize,
+    /// Number of this shard, from 0, and count of shards. Settings are dealt out in turn; the first default
+    /// is in every shard.
+    pub shard: (usize, usize),
+    /// Folder of finished parts.
+    pub folder: &'a Path,
+    /// The machine.
+    pub machine: Machine,
+    /// Digest of this program: parts of another build are measured again.
+    pub program: &'a str,
+    /// Whether settings are put to the hard cases.
+    pub cases: bool,
+}
+
+/// A job whose graphs, strokes and files were checked.
+#[derive(Debug)]
+pub struct Prepared<'a> {
+    pub(crate) job: &'a Job<'a>,
+    /// Settings of this shard.
+    settings: Vec<Setting<'a>>,
+    /// Digest of the whole trade-off, the same in all shards.
+    digest: String,
+    pub(crate) strokes: Vec<Stroke>,
+    /// Materials; one without a name where graphs have their own.
+    pub(crate) materials: Vec<Option<String>>,
+    cases: Vec<&'static Case>,
+    notes: Vec<String>,
+}
 
 /// A finished part.
 #[derive(Serialize, Deserialize)]
@@ -38,7 +79,68 @@ enum Part {
 /// A measured setting without its times, and the figures of the network's own magnitudes.
 type Outcome = (Box<Row>, Figures);
 
-impl Prepared<'_> {
+impl<'a> Prepared<'a> {
+    /// Checks a trade-off, its graphs and all files that they read.
+    ///
+    /// # Errors
+    /// A knob that no graph has, a material that no library has, a stroke that cannot be read or does not
+    /// fit.
+    pub fn new(job: &'a Job<'a>) -> Result<Self, Diagnostic> {
+        let tradeoff = job.tradeoff;
+        let recorded = tradeoff.strokes.iter().filter_map(|s| s.material.as_ref());
+        let named: Vec<&(String, Place)> = tradeoff.materials.iter().chain(recorded).collect();
+        let graphs = || job.bases.iter().chain(job.baselines);
+        for graph in graphs() {
+            check_materials(graph, &named)?;
+        }
+        let Settings { all, left_out, .. } = Settings::new(tradeoff, job.bases, job.baselines)?;
+        let mut notes: Vec<String> =
+            left_out.iter().map(|(what, why)| format!("`{what}` is left out: {why}")).collect();
+        let strokes = patch::strokes(tradeoff, graphs(), &mut notes)?;
+        let mut materials: Vec<Option<String>> = Vec::new();
+        for (name, _) in named {
+            if !materials.iter().flatten().any(|known| known == name) {
+                materials.push(Some(name.clone()));
+            }
+        }
+        let has_network = |b: &LoadedGraph| b.graph.nodes.iter().any(|n| is_network(&b.registry, &n.kind));
+        if !materials.is_empty() && !job.bases.iter().any(has_network) {
+            let why = "no graph has a node with a `library` and a `material`: each keeps its own textures";
+            notes.push(why.into());
+            materials.clear();
+        }
+        if materials.is_empty() {
+            materials.push(None);
+        }
+        let digest = digest::of_all(job, &all, materials[0].as_deref());
+        let (shard, of) = job.shard;
+        let here = |number: usize| number == 0 || number % of.max(1) == shard;
+        let settings = all.into_iter().enumerate().filter(|(number, _)| here(*number));
+        let settings = settings.map(|(_, setting)| setting).collect();
+        let cases = asperity_checks::cases().into_iter().filter(|c| c.of_graph && job.cases).collect();
+        Ok(Self { job, settings, digest, strokes, materials, cases, notes })
+    }
+
+    /// Counts of [parts](crate::Monitor::advanced): of accuracy with hard cases, and of times.
+    pub fn parts(&self) -> (u64, u64) {
+        let settings = self.settings.len() as u64;
+        let times = self.job.tradeoff.times;
+        (settings * self.parts_of_setting(), settings.div_ceil(times.batch as u64) * times.turns as u64)
+    }
+
+    /// Renders, lag measurements and hard cases of a setting.
+    fn parts_of_setting(&self) -> u64 {
+        let over =
+            |m: &Option<String>| self.strokes.iter().filter(|s| s.goes_over(m.as_deref())).count() as u64;
+        let renders = self.job.tradeoff.draws * (self.materials.iter().map(over).sum::<u64>() + 1);
+        renders + self.cases.len() as u64
+    }
+
+    /// Warnings: what is left out, and which strokes are shrunk.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
     /// Runs the trade-off. After a stop, the results have the settings that are finished.
     ///
     /// # Errors
@@ -57,7 +159,7 @@ impl Prepared<'_> {
         }
         self.measure_all(&mut outcomes, &mut progress, monitor)?;
         self.time_all(&outcomes, &mut batches, &mut progress, monitor)?;
-        let known = self.settings.iter().filter_map(|s| outcomes.get(&s.key));
+        let known = self.settings.iter().filter_map(|s| outcomes.get(&s.row.key));
         let mut rows: Vec<Row> = known.clone().map(|(row, _)| (**row).clone()).collect();
         noise::put_times(&mut rows, &batches);
         let model = known.clone().find(|(row, _)| row.default).map(|(_, model)| model.clone());
@@ -82,11 +184,6 @@ impl Prepared<'_> {
         Ok(results)
     }
 
-    fn base(&self, setting: &Setting) -> Result<&LoadedGraph, Diagnostic> {
-        let base = self.job.base(setting).or(self.job.bases.first());
-        base.ok_or_else(|| Diagnostic::new("no graph is given"))
-    }
-
     /// Measures accuracy and hard cases of the settings without an outcome, until the run is to stop.
     fn measure_all(
         &self,
@@ -94,13 +191,12 @@ impl Prepared<'_> {
         progress: &mut Progress,
         monitor: &dyn Monitor,
     ) -> Result<(), Diagnostic> {
-        let left: Vec<&Setting> = self.settings.iter().filter(|s| !outcomes.contains_key(&s.key)).collect();
-        let truths = if left.is_empty() {
-            Truths::new()
-        } else {
+        let left: Vec<_> = self.settings.iter().filter(|s| !outcomes.contains_key(&s.row.key)).collect();
+        let mut truths = Truths::new();
+        if !left.is_empty() {
             monitor.doing("physics");
-            self.truths(monitor)?
-        };
+            truths = self.truths(monitor)?;
+        }
         monitor.doing("accuracy");
         monitor.advanced((self.settings.len() - left.len()) as u64 * self.parts_of_setting());
         let (all, progress) = (Mutex::new(outcomes), Mutex::new(progress));
@@ -111,62 +207,30 @@ impl Prepared<'_> {
             let outcome = match measured {
                 Ok(None) => return Ok(()),
                 // An error is not kept, since its cause may be repaired.
-                Err(e) => (Box::new(Row { error: Some(e.to_string()), ..self.row(setting) }), Figures::new()),
+                Err(e) => {
+                    (Box::new(Row { error: Some(e.to_string()), ..setting.row.clone() }), Figures::new())
+                }
                 Ok(Some(outcome)) => match locked(&progress).put(&Part::Setting(outcome))? {
                     Part::Setting(outcome) => outcome,
                     Part::Batch(_) => return Ok(()),
                 },
             };
-            locked(&all).insert(setting.key.clone(), outcome);
+            locked(&all).insert(setting.row.key.clone(), outcome);
             Ok(())
         })
-    }
-
-    /// A row before anything is measured.
-    fn row(&self, s: &Setting) -> Row {
-        let base = self.job.bases.get(s.base);
-        let mut fails = BTreeMap::new();
-        if !s.guards {
-            let why =
-                "guards are off: this can only be measured, since no graph or command can turn them off";
-            fails.insert("guards".into(), why.into());
-        }
-        let fewer_cards = |base: &LoadedGraph| {
-            let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
-            let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
-            cards(&base.graph) > cards(&s.graph)
-        };
-        if base.is_some_and(fewer_cards) {
-            let why = "the limiter before the coil is gone: nothing is played without one";
-            fails.insert("limiter".into(), why.into());
-        }
-        Row {
-            name: s.name.clone(),
-            key: s.key.clone(),
-            graph: base.map_or_else(|| s.graph.source.path().display().to_string(), |b| b.name.clone()),
-            turned: s.turned.clone(),
-            grids: s.grids.clone(),
-            default: s.default,
-            baseline: s.baseline,
-            tick_hz: s.graph.tick_hz,
-            fragment: base.map_or_else(Fragment::default, |b| Fragment::between(b, &s.graph)),
-            fails,
-            ..Row::default()
-        }
     }
 
     /// Measures a setting; none where the run is to stop.
     fn measure(
         &self,
-        setting: &Setting,
+        setting: &Setting<'_>,
         truths: &Truths,
         monitor: &dyn Monitor,
     ) -> Result<Option<Outcome>, Diagnostic> {
-        let registry = &self.base(setting)?.registry;
-        let mut row = Box::new(self.row(setting));
-        let model = self.accuracy(&mut row, setting, registry, truths, monitor)?;
+        let mut row = Box::new(setting.row.clone());
+        let model = self.accuracy(&mut row, setting, truths, monitor)?;
         let Some(model) = model else { return Ok(None) };
-        let mut subject = Subject::new(registry.clone());
+        let mut subject = Subject::new(setting.base.registry.clone());
         subject.graph = Some(&setting.graph);
         for case in &self.cases {
             if monitor.stopped() {
@@ -192,17 +256,14 @@ impl Prepared<'_> {
         monitor: &dyn Monitor,
     ) -> Result<(), Diagnostic> {
         monitor.doing("times");
-        let Some(anchor) = self.settings.first() else { return Ok(()) };
         let timed = |key: &String| batches.iter().any(|b| b.rows.iter().any(|(timed, _)| timed == key));
         let runs = |key: &String| outcomes.get(key).is_some_and(|(row, _)| row.error.is_none());
-        let left: Vec<&Setting> = self.settings.iter().filter(|s| runs(&s.key) && !timed(&s.key)).collect();
-        let material = self.materials.first().and_then(|m| m.as_deref());
+        let is_left = |s: &&Setting<'_>| runs(&s.row.key) && !timed(&s.row.key);
+        let left: Vec<&Setting<'_>> = self.settings.iter().filter(is_left).collect();
         let times = self.job.tradeoff.times;
         for some in left.chunks(times.batch.max(1)) {
-            let with = some.iter().map(|s| Ok((*s, &self.base(s)?.registry)));
-            let with = with.collect::<Result<Vec<(&Setting, &Registry)>, Diagnostic>>()?;
-            let anchor = (anchor, &self.base(anchor)?.registry);
-            let Some(batch) = batch(anchor, &with, material, times, monitor)? else { break };
+            let material = self.materials[0].as_deref();
+            let Some(batch) = batch(&self.settings[0], some, material, times, monitor)? else { break };
             if let Part::Batch(batch) = progress.put(&Part::Batch(batch))? {
                 batches.push(batch);
             }

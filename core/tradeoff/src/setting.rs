@@ -6,11 +6,12 @@ use std::path::PathBuf;
 use asperity_diagnostics::Diagnostic;
 use asperity_diagnostics::ron::Value;
 use asperity_graph::{GraphFile, NodeDecl};
-use asperity_node::{ParamValue, Registry};
+use asperity_node::{ParamValue, Registry, Role};
 
 use crate::file::{DEFAULT, Grid, Tradeoff};
 use crate::fragment::tidy;
 use crate::knob::Turned;
+use crate::results::{Fragment, Row};
 
 /// A graph with the kinds that it may use.
 #[derive(Clone, Debug)]
@@ -31,53 +32,48 @@ pub struct LoadedGraph {
 
 /// A setting.
 #[derive(Clone, Debug)]
-pub struct Setting {
-    /// Name: the changed knobs, `default`, or the name of a baseline.
-    pub name: String,
-    /// Unique key: its number. It is the same in all shards, since the digest of the trade-off is.
-    pub key: String,
-    /// Index of its graph among those that are varied; out of range for a baseline.
-    pub base: usize,
-    /// Changed knobs with their values. Those without effect are left out.
-    pub turned: Vec<(String, String)>,
-    /// Names of the grids that contain it.
-    pub grids: Vec<String>,
-    /// Whether it is an unchanged graph.
-    pub default: bool,
-    /// Whether it is a baseline.
-    pub baseline: bool,
+pub(crate) struct Setting<'a> {
+    /// Its results, before anything is measured. The key is its number, the same in all shards.
+    pub row: Row,
+    /// The graph that it is a setting of.
+    pub base: &'a LoadedGraph,
     /// The graph.
     pub graph: GraphFile,
     /// Whether outputs of nodes are checked for NaN and infinities.
     pub guards: bool,
-    /// Share of the physical acceleration that it renders.
-    pub strength: f64,
 }
 
 /// All settings of a trade-off.
 #[derive(Clone, Debug, Default)]
-pub struct Settings {
+pub(crate) struct Settings<'a> {
     /// Settings, each once. The defaults come first.
-    pub all: Vec<Setting>,
+    pub all: Vec<Setting<'a>>,
     /// Knobs and kinds that were left out, each with the reason.
     pub left_out: Vec<(String, String)>,
     /// Indices by file and text.
     known: HashMap<String, usize>,
 }
 
-impl Settings {
+impl<'a> Settings<'a> {
     /// All settings of a trade-off over these graphs, and the baselines.
     ///
     /// # Errors
     /// A knob that no graph has, a value that its knob cannot take.
-    pub fn new(
+    pub(crate) fn new(
         tradeoff: &Tradeoff,
-        bases: &[LoadedGraph],
-        baselines: &[LoadedGraph],
+        bases: &'a [LoadedGraph],
+        baselines: &'a [LoadedGraph],
     ) -> Result<Self, Diagnostic> {
         let mut it = Self::default();
-        for (b, base) in bases.iter().enumerate() {
-            it.add(base, Setting { default: true, ..Setting::of(base, b, named(bases, b, DEFAULT)) });
+        // With the name of the graph where there are several.
+        let named = |base: &LoadedGraph, name: &str| match bases {
+            [_] => name.to_owned(),
+            _ => format!("{}: {name}", base.name),
+        };
+        for base in bases {
+            let mut setting = Setting::of(base, named(base, DEFAULT), base.graph.clone(), true);
+            setting.row.default = true;
+            it.add(setting);
         }
         for grid in &tradeoff.grids {
             for (knob, _) in &grid.knobs {
@@ -85,20 +81,23 @@ impl Settings {
                 if bases.iter().all(|base| lacks(&base)) && !bases.is_empty() && !tradeoff.lenient {
                     let graphs: Vec<&str> = bases.iter().map(|b| b.name.as_str()).collect();
                     let message = format!("no graph has the knob `{}`: {}", knob.name, graphs.join(", "));
-                    let near = knob.nearest(bases.iter().map(|b| (&b.graph, &b.registry)));
+                    let near = knob.nearest(bases);
                     return Err(Diagnostic::new(message).at_place(&knob.place).help(near));
                 }
                 for base in bases.iter().filter(lacks) {
                     it.leave_out(&knob.name, &format!("{} has no such knob", base.name));
                 }
             }
-            for b in 0..bases.len() {
-                it.add_grid(bases, b, grid, tradeoff.lenient)?;
+            for base in bases {
+                it.add_grid(base, grid, tradeoff.lenient, |name| named(base, name))?;
             }
         }
-        for baseline in baselines {
-            let setting = Setting::of(baseline, bases.len(), baseline.name.clone());
-            it.add(baseline, Setting { baseline: true, ..setting });
+        for base in baselines {
+            let mut setting = Setting::of(base, base.name.clone(), base.graph.clone(), true);
+            setting.row.baseline = true;
+            setting.row.graph = base.graph.source.path().display().to_string();
+            setting.row.fragment = Fragment::default();
+            it.add(setting);
         }
         Ok(it)
     }
@@ -110,15 +109,14 @@ impl Settings {
         }
     }
 
-    /// Adds all combinations of a grid.
     fn add_grid(
         &mut self,
-        bases: &[LoadedGraph],
-        b: usize,
+        base: &'a LoadedGraph,
         grid: &Grid,
         lenient: bool,
+        named: impl Fn(&str) -> String,
     ) -> Result<(), Diagnostic> {
-        let LoadedGraph { graph, registry, .. } = &bases[b];
+        let LoadedGraph { graph, registry, .. } = base;
         let mut knobs = Vec::new();
         for (knob, values) in grid.knobs.iter().filter(|(knob, _)| knob.fits(graph, registry)) {
             let mut known = values.clone();
@@ -153,56 +151,57 @@ impl Settings {
                 }
             }
             let words: Vec<String> = changes.iter().map(|(k, v)| format!("{k}={v}")).collect();
-            let Turned { graph, guards } = turned;
-            let grids = vec![grid.name.clone()];
-            let setting = Setting::of(&bases[b], b, named(bases, b, &words.join(" ")));
-            self.add(&bases[b], Setting { graph, guards, turned: changes, grids, ..setting });
+            let mut setting = Setting::of(base, named(&words.join(" ")), turned.graph, turned.guards);
+            (setting.row.turned, setting.row.grids) = (changes, vec![grid.name.clone()]);
+            self.add(setting);
         }
         Ok(())
     }
 
     /// Adds a setting. One that is known gets another grid, and the name of a baseline.
-    fn add(&mut self, of: &LoadedGraph, mut setting: Setting) {
+    fn add(&mut self, mut setting: Setting<'a>) {
         // Graphs in several folders may have the same text, each with files of its own.
         let path = setting.graph.source.path();
         let file = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-        let text = text(&setting.graph, &of.registry);
-        let known = format!("{} {} {}\n{text}", file.display(), setting.guards, setting.strength);
+        let text = text(&setting.graph, &setting.base.registry);
+        let known = format!("{} {} {}\n{text}", file.display(), setting.guards, setting.base.strength);
         let at = *self.known.entry(known).or_insert(self.all.len());
-        let Some(there) = self.all.get_mut(at) else {
-            setting.key = at.to_string();
+        let Some(Setting { row: there, .. }) = self.all.get_mut(at) else {
+            setting.row.key = at.to_string();
             return self.all.push(setting);
         };
-        setting.grids.retain(|grid| !there.grids.contains(grid));
-        there.grids.append(&mut setting.grids);
-        if setting.baseline {
+        let Row { name, mut grids, baseline, .. } = setting.row;
+        grids.retain(|grid| !there.grids.contains(grid));
+        there.grids.append(&mut grids);
+        if baseline {
             there.baseline = true;
-            there.name = format!("{} ({})", there.name, setting.name);
+            there.name = format!("{} ({name})", there.name);
         }
     }
 }
 
-impl Setting {
-    /// A graph, unchanged.
-    fn of(base: &LoadedGraph, number: usize, name: String) -> Self {
-        Self {
+impl<'a> Setting<'a> {
+    fn of(base: &'a LoadedGraph, name: String, graph: GraphFile, guards: bool) -> Self {
+        let mut row = Row {
             name,
-            key: String::new(),
-            base: number,
-            turned: Vec::new(),
-            grids: Vec::new(),
-            default: false,
-            baseline: false,
-            graph: base.graph.clone(),
-            guards: true,
-            strength: base.strength,
+            graph: base.name.clone(),
+            tick_hz: graph.tick_hz,
+            fragment: Fragment::between(base, &graph),
+            ..Row::default()
+        };
+        let mut fails = |case: &str, why: &str| row.fails.insert(case.to_owned(), why.to_owned());
+        if !guards {
+            let why =
+                "guards are off: this can only be measured, since no graph or command can turn them off";
+            fails("guards", why);
         }
+        let plays = |n: &&NodeDecl| base.registry.role(&n.kind) == Some(Role::AudioOutput);
+        let cards = |g: &GraphFile| g.nodes.iter().filter(plays).count();
+        if cards(&base.graph) > cards(&graph) {
+            fails("limiter", "the limiter before the coil is gone: nothing is played without one");
+        }
+        Self { row, base, graph, guards }
     }
-}
-
-/// A name; with the name of its graph where there are several.
-fn named(bases: &[LoadedGraph], b: usize, name: &str) -> String {
-    if bases.len() > 1 { format!("{}: {name}", bases[b].name) } else { name.to_owned() }
 }
 
 /// A value for people: of a node its kind and parameters.
@@ -259,8 +258,8 @@ mod tests {
         tradeoff("s.ron", &format!(r#"strokes: [(name: "s")], grids: [{grids}]"#))
     }
 
-    fn names(settings: &Settings) -> Vec<&str> {
-        settings.all.iter().map(|s| s.name.as_str()).collect()
+    fn names<'s>(settings: &'s Settings<'_>) -> Vec<&'s str> {
+        settings.all.iter().map(|s| s.row.name.as_str()).collect()
     }
 
     #[test]
@@ -269,9 +268,10 @@ mod tests {
             r#"(name: "g", knobs: {"a.gain": [1.0, 2.0], "tick_hz": [500, 1000]}),
             (name: "h", knobs: {"tick_hz": [1000, 250]})"#,
         );
-        let settings = Settings::new(&grids, &[base("x")], &[]).unwrap();
+        let bases = [base("x")];
+        let settings = Settings::new(&grids, &bases, &[]).unwrap();
         let mut found: Vec<(&str, String)> =
-            settings.all.iter().map(|s| (s.name.as_str(), s.grids.join("+"))).collect();
+            settings.all.iter().map(|s| (s.row.name.as_str(), s.row.grids.join("+"))).collect();
         found.sort();
         let want = [
             ("a.gain=1.0", "g"),
@@ -281,8 +281,8 @@ mod tests {
             ("tick_hz=250", "h"),
         ];
         assert_eq!(found, want.map(|(n, g)| (n, g.to_owned())));
-        assert!(settings.all[0].default && settings.all[1..].iter().all(|s| !s.default));
-        let keys: BTreeSet<&str> = settings.all.iter().map(|s| s.key.as_str()).collect();
+        assert!(settings.all[0].row.default && settings.all[1..].iter().all(|s| !s.row.default));
+        let keys: BTreeSet<&str> = settings.all.iter().map(|s| s.row.key.as_str()).collect();
         assert_eq!(keys.len(), 5);
     }
 
@@ -300,18 +300,18 @@ mod tests {
             let nodes = format!(
                 r#""r": (kind: "resample", params: ({params})), "g": (kind: "gain", params: (gain: 2.0))"#
             );
-            let base = loaded("x", graph_of("x", &nodes, ""));
-            let settings = Settings::new(&grids, &[base], &[]).unwrap();
+            let bases = [loaded("x", graph_of("x", &nodes, ""))];
+            let settings = Settings::new(&grids, &bases, &[]).unwrap();
             assert_eq!(names(&settings), ["default", &format!("r.phase={other}"), "g.gain=1.0"], "{params}");
         }
     }
 
     #[test]
     fn baseline_equal_to_the_default_keeps_its_name() {
-        let mine = LoadedGraph { name: "mine".into(), ..base("x") };
-        let settings = Settings::new(&of_grids(""), &[base("x")], &[mine]).unwrap();
+        let (bases, mine) = ([base("x")], [LoadedGraph { name: "mine".into(), ..base("x") }]);
+        let settings = Settings::new(&of_grids(""), &bases, &mine).unwrap();
         assert_eq!(names(&settings), ["default (mine)"]);
-        assert!(settings.all[0].baseline && settings.all[0].default);
+        assert!(settings.all[0].row.baseline && settings.all[0].row.default);
     }
 
     #[test]
@@ -320,10 +320,11 @@ mod tests {
             r#"(name: "g", knobs: {"a.gian": [1.0, 3.0], "tick_hz": [1000]}),
             (name: "h", knobs: {"nothing": [kept]}), (name: "i", knobs: {"a": [bypassed]})"#,
         );
-        let e = Settings::new(&grids, &[base("x")], &[]).unwrap_err().to_string();
+        let bases = [base("x")];
+        let e = Settings::new(&grids, &bases, &[]).unwrap_err().to_string();
         assert!(e.contains("did you mean `a.gain`?"), "{e}");
         grids.lenient = true;
-        let settings = Settings::new(&grids, &[base("x")], &[]).unwrap();
+        let settings = Settings::new(&grids, &bases, &[]).unwrap();
         assert_eq!(names(&settings), ["default", "tick_hz=1000"]);
         let left: Vec<&str> = settings.left_out.iter().map(|(what, _)| what.as_str()).collect();
         assert_eq!(left, ["a.gian", "nothing", "a=bypassed"]);
@@ -332,10 +333,11 @@ mod tests {
     #[test]
     fn several_graphs_each_have_settings() {
         let grids = of_grids(r#"(name: "g", knobs: {"tick_hz": [500, 1000]})"#);
-        let settings = Settings::new(&grids, &[base("x"), base("y")], &[base("mine")]).unwrap();
+        let (bases, mine) = ([base("x"), base("y")], [base("mine")]);
+        let settings = Settings::new(&grids, &bases, &mine).unwrap();
         let want = ["x: default", "y: default", "x: tick_hz=1000", "y: tick_hz=1000", "mine"];
         assert_eq!(names(&settings), want);
-        assert!(settings.all[4].baseline);
+        assert!(settings.all[4].row.baseline);
     }
 
     #[test]
@@ -346,6 +348,6 @@ mod tests {
             r#"strokes: [(name: "s")], grids: [(name: "g", knobs: {"s.file": ["b.csv", "../../t/a.csv"]})]"#;
         let settings = Settings::new(&tradeoff("g/t/s.ron", grids), &bases, &[]).unwrap();
         // `../../t/a.csv` is what both graphs name.
-        assert_eq!(settings.all.iter().map(|s| s.key.as_str()).collect::<Vec<_>>(), ["0", "1", "2", "3"]);
+        assert_eq!(settings.all.iter().map(|s| s.row.key.as_str()).collect::<Vec<_>>(), ["0", "1", "2", "3"]);
     }
 }

@@ -89,17 +89,15 @@ impl StrokeDecl {
     pub(crate) fn read(value: &Value) -> Result<Self, Diagnostic> {
         let mut record = value.record("Stroke")?;
         let name = record.required("name")?.text()?.to_owned();
-        let mut it = Self { name, place: value.place(), material: None, from: From::File(PathBuf::new()) };
+        let it = |from, material| Self { name, place: value.place(), material, from };
         if let Some(file) = record.optional("file") {
-            it.from = From::File(file.path()?);
-            return record.finish().map(|()| it);
+            let file = From::File(file.path()?);
+            return record.finish().map(|()| it(file, None));
         }
         if let Some(file) = record.optional("recording") {
-            it.from = From::Recording(file.path()?);
-            if let Some(material) = record.optional("material") {
-                it.material = Some((material.text()?.to_owned(), material.place()));
-            }
-            return record.finish().map(|()| it);
+            let material = record.optional("material").map(|m| Ok((m.text()?.to_owned(), m.place())));
+            let (file, material) = (From::Recording(file.path()?), material.transpose()?);
+            return record.finish().map(|()| it(file, material));
         }
         let d = StrokeParams::default();
         let shape = match record.optional("shape") {
@@ -129,7 +127,7 @@ impl StrokeDecl {
                 .error(format!("`seconds` is {}, out of range", params.duration_s))
                 .help(format!("at most {LONGEST_S}: rendered strokes are held in memory")));
         }
-        Ok(Self { from: From::Made(Box::new(params)), ..it })
+        Ok(it(From::Made(Box::new(params)), None))
     }
 
     /// Whether it is a recording that does not say its material.

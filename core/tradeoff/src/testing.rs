@@ -10,7 +10,6 @@ use crate::figure::{Figure, Figures};
 use crate::results::{Machine, Results, Row, Time, VERSION};
 use crate::{Job, LoadedGraph, Tradeoff};
 
-/// A graph file with these nodes and wires.
 pub(crate) fn graph_of(path: &str, nodes: &str, wires: &str) -> GraphFile {
     let text = format!("Graph(version: 1, nodes: {{{nodes}}}, wires: [{wires}])");
     GraphFile::parse(&Source::new(path, text)).unwrap()
@@ -28,13 +27,11 @@ pub(crate) fn loaded(name: &str, graph: GraphFile) -> LoadedGraph {
     }
 }
 
-/// A trade-off file of version 1 with these fields.
 pub(crate) fn tradeoff(path: &str, fields: &str) -> Tradeoff {
     let source: Arc<Source> = Source::new(path, format!("Tradeoff(version: 1, {fields})"));
     Tradeoff::parse(&source).unwrap()
 }
 
-/// A run of a trade-off over these graphs.
 pub(crate) fn job<'a>(tradeoff: &'a Tradeoff, bases: &'a [LoadedGraph], folder: &'a Path) -> Job<'a> {
     Job {
         tradeoff,
@@ -49,7 +46,6 @@ pub(crate) fn job<'a>(tradeoff: &'a Tradeoff, bases: &'a [LoadedGraph], folder: 
     }
 }
 
-/// A row without figures.
 pub(crate) fn row(name: &str) -> Row {
     Row {
         name: name.into(),
@@ -74,7 +70,6 @@ pub(crate) fn measured(name: &str, load_percent: f64, level: f64, lag: f64) -> R
     }
 }
 
-/// The default, measured.
 pub(crate) fn default_row(load_percent: f64, level: f64, lag: f64) -> Row {
     Row { default: true, ..measured("default", load_percent, level, lag) }
 }

@@ -13,7 +13,7 @@ use asperity_accuracy::timing::Timing;
 use asperity_diagnostics::Diagnostic;
 use asperity_engine::Options;
 use asperity_graph::GraphFile;
-use asperity_node::{Registry, random};
+use asperity_node::random;
 use serde::{Deserialize, Serialize};
 
 use crate::chain::{Chain, over};
@@ -65,7 +65,6 @@ struct Entry {
     /// Time for which a tick without a chain spins \[ns\].
     spin_ns: u64,
     tick_hz: u32,
-    /// Ticks in a block.
     block: u64,
     ticks: Timing,
     blocks: Timing,
@@ -102,13 +101,9 @@ fn weighed<T, E>(monitor: &dyn Monitor, make: impl Fn() -> Result<T, E>) -> Resu
 }
 
 impl Entry {
-    fn new(
-        setting: &Setting,
-        registry: &Registry,
-        material: Option<&str>,
-        monitor: &dyn Monitor,
-    ) -> Result<Self, Diagnostic> {
-        let graph: GraphFile = over(&setting.graph, registry, material, setting.graph.seed);
+    fn new(setting: &Setting<'_>, material: Option<&str>, monitor: &dyn Monitor) -> Result<Self, Diagnostic> {
+        let registry = &setting.base.registry;
+        let graph = over(&setting.graph, registry, material, setting.graph.seed);
         let options = Options { check_finite: setting.guards, ..Options::default() };
         let path = patch::circle(&graph, registry)?;
         let (chain, memory) = weighed(monitor, || Chain::new(&graph, registry, vec![path.clone()], options))?;
@@ -131,13 +126,13 @@ impl Entry {
         }
     }
 
-    /// An idle entry that spins for this one's median tick, at its tick rate.
-    fn idle(&mut self) -> Self {
-        self.turn(WARM_MS, true);
-        let idle = Self::spins(self.ticks.summary().p50_ns, self.tick_hz, self.block);
+    /// Runs a turn that does not count. Returns the median tick \[ns\].
+    fn warm(&mut self) -> u64 {
+        self.turn(WARM_MS);
         let fresh = Self::spins(self.spin_ns, self.tick_hz, self.block);
-        *self = Self { chain: self.chain.take(), memory: self.memory, ..fresh };
-        idle
+        let warmed = std::mem::replace(self, fresh);
+        (self.chain, self.memory) = (warmed.chain, warmed.memory);
+        warmed.ticks.summary().p50_ns
     }
 
     /// Runs a tick, and returns its time \[ns\].
@@ -155,33 +150,25 @@ impl Entry {
     }
 
     /// Runs a turn: a whole number of blocks, at least one.
-    fn turn(&mut self, ms: u64, counts: bool) {
+    fn turn(&mut self, ms: u64) {
         let block = self.block.max(1);
         let blocks = (u64::from(self.tick_hz) * ms / 1000 / block).max(1);
         let tick_ns = 1_000_000_000 / u64::from(self.tick_hz);
         let mut turn = Timing::new(3);
-        if counts {
-            let cold = self.tick();
-            self.cold.push(cold as f64 / 1e3);
-        }
+        let cold = self.tick();
+        self.cold.push(cold as f64 / 1e3);
         for _ in 0..blocks {
             let mut sum = 0;
             for _ in 0..block {
                 let ns = self.tick();
                 sum += ns;
-                if counts {
-                    self.ticks.record(ns);
-                    self.misses += u64::from(ns > tick_ns);
-                }
+                self.ticks.record(ns);
+                self.misses += u64::from(ns > tick_ns);
             }
-            if counts {
-                self.blocks.record(sum);
-                turn.record(sum);
-            }
+            self.blocks.record(sum);
+            turn.record(sum);
         }
-        if counts {
-            self.turns.push(turn.summary().p50_ns as f64);
-        }
+        self.turns.push(turn.summary().p50_ns as f64);
     }
 
     fn time(&self) -> Time {
@@ -222,23 +209,23 @@ fn stall_us(idle: &Timing, p50_us: f64) -> f64 {
 
 /// Times a batch; none where the run is to stop. Nothing else should run meanwhile.
 pub(crate) fn batch(
-    anchor: (&Setting, &Registry),
-    settings: &[(&Setting, &Registry)],
+    anchor: &Setting<'_>,
+    settings: &[&Setting<'_>],
     material: Option<&str>,
     times: Times,
     monitor: &dyn Monitor,
 ) -> Result<Option<Batch>, Diagnostic> {
-    let mut first = Entry::new(anchor.0, anchor.1, material, monitor)?;
-    first.turn(WARM_MS, false);
-    let idle = first.idle();
+    let mut first = Entry::new(anchor, material, monitor)?;
+    first.warm();
+    let idle = Entry::spins(first.warm(), first.tick_hz, first.block);
     let mut entries = vec![idle, first];
     let mut made: Vec<Result<(), String>> = Vec::new();
-    for (setting, registry) in settings {
-        let entry = Entry::new(setting, registry, material, monitor);
+    for setting in settings {
+        let entry = Entry::new(setting, material, monitor);
         made.push(entry.map(|entry| entries.push(entry)).map_err(|e| e.to_string()));
     }
     for entry in entries.iter_mut().skip(2) {
-        entry.turn(WARM_MS, false);
+        entry.warm();
     }
     let mut order: Vec<usize> = (0..entries.len()).collect();
     for turn in 0..times.turns {
@@ -247,7 +234,7 @@ pub(crate) fn batch(
             if monitor.stopped() {
                 return Ok(None);
             }
-            entries[i].turn(times.turn_ms, true);
+            entries[i].turn(times.turn_ms);
         }
         monitor.advanced(1);
     }
@@ -259,8 +246,7 @@ pub(crate) fn batch(
     let (Some(idle), Some(anchor)) = (done.next(), done.next()) else { return Ok(None) };
     let mut time =
         |made: Result<(), String>| made.and_then(|()| done.next().ok_or("it was not timed".into()));
-    let rows =
-        settings.iter().zip(made).map(|((setting, _), made)| (setting.key.clone(), time(made))).collect();
+    let rows = settings.iter().zip(made).map(|(s, made)| (s.row.key.clone(), time(made))).collect();
     Ok(Some(Batch { idle, anchor, rows }))
 }
 
@@ -296,34 +282,29 @@ mod tests {
     fn memory_excludes_what_the_process_shares() {
         use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-        #[derive(Default)]
-        struct Heap(AtomicU64);
+        struct Heap(Option<AtomicU64>);
         impl Monitor for Heap {
             fn heap_bytes(&self) -> Option<u64> {
-                Some(self.0.load(Relaxed))
+                self.0.as_ref().map(|bytes| bytes.load(Relaxed))
             }
         }
-        struct Made<'h>(&'h Heap);
+        let heap = Heap(Some(AtomicU64::new(0)));
+        let bytes = heap.0.as_ref().unwrap();
+        struct Made<'h>(&'h AtomicU64);
         impl Drop for Made<'_> {
             fn drop(&mut self) {
-                self.0.0.fetch_sub(100, Relaxed);
+                self.0.fetch_sub(100, Relaxed);
             }
         }
-        let heap = Heap::default();
-        let kept = std::cell::Cell::new(false);
         // 100 bytes, and a model of 1000 that the first one reads.
         let make = || {
-            heap.0.fetch_add(if kept.replace(true) { 100 } else { 1100 }, Relaxed);
-            Ok::<_, ()>(Made(&heap))
+            bytes.fetch_add(if bytes.load(Relaxed) == 0 { 1100 } else { 100 }, Relaxed);
+            Ok::<_, ()>(Made(bytes))
         };
-        let (first, bytes) = weighed(&heap, make).unwrap();
-        assert_eq!((bytes, heap.heap_bytes()), (Some(100), Some(1100)));
-        let (_second, bytes) = weighed(&heap, make).unwrap();
-        assert_eq!(bytes, Some(100));
-        drop(first);
-        struct Blind;
-        impl Monitor for Blind {}
-        assert_eq!(weighed(&Blind, || Ok::<_, ()>(())).unwrap().1, None);
+        let (_first, first) = weighed(&heap, make).unwrap();
+        assert_eq!((first, heap.heap_bytes()), (Some(100), Some(1100)));
+        assert_eq!(weighed(&heap, make).unwrap().1, Some(100));
+        assert_eq!(weighed(&Heap(None), || Ok::<_, ()>(())).unwrap().1, None);
     }
 
     #[test]
@@ -348,12 +329,12 @@ mod tests {
     #[test]
     fn turn_is_whole_blocks() {
         let mut entry = Entry::spins(0, 500, 16);
-        entry.turn(100, false);
+        entry.warm();
         assert_eq!(entry.time().ticks, 0);
-        entry.turn(100, true);
+        entry.turn(100);
         // 50 ticks are three blocks. A turn has at least one.
         assert_eq!(entry.time().ticks, 48);
-        entry.turn(8, true);
+        entry.turn(8);
         assert_eq!(entry.time().ticks, 64);
         entry.blocks = Timing::new(3);
         entry.blocks.record(320_000);
@@ -364,11 +345,10 @@ mod tests {
     #[test]
     fn idle_tick_lasts_as_long_as_the_default() {
         let mut beside = Entry::spins(30_000, 500, 4);
-        let mut idle = beside.idle();
-        assert_eq!(beside.time().ticks, 0);
-        assert_eq!(beside.spin_ns, 30_000);
+        let mut idle = Entry::spins(beside.warm(), 500, 4);
+        assert_eq!((beside.time().ticks, beside.spin_ns), (0, 30_000));
         for entry in [&mut beside, &mut idle] {
-            entry.turn(40, true);
+            entry.turn(40);
         }
         let (beside, idle) = (beside.time(), idle.time());
         assert_eq!(beside.ticks, idle.ticks);

@@ -207,63 +207,6 @@ fn work(
     }
 }
 
-<<<<<<< HEAD
-||||||| 6d696770
-fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answer, Fault> {
-    Ok(match call {
-        Call::Process => Answer::Status(desk.tick(|tick| node.run(tick))?),
-        Call::Wants => Answer::Flag(desk.tick(|tick| node.ask(|n| n.wants(tick)))?),
-        Call::Absorb => desk.tick(|tick| node.ask(|n| n.absorb(tick))).map(|()| Answer::Done)?,
-        Call::Reset => node.ask(|n| n.reset()).map(|()| Answer::Done)?,
-        Call::Elapsed(ticks) => node.ask(|n| n.elapsed(ticks)).map(|()| Answer::Done)?,
-        Call::SetParameter(index, value) => {
-            node.ask(|n| n.set_parameter(index, value)).map(|()| Answer::Done)?
-        }
-        Call::Warm(heat) => node.ask(|n| n.warm(heat)).map(|()| Answer::Done)?,
-        Call::StateSize => {
-            let size = node.state_size();
-            desk.bytes.reserve(size);
-            Answer::Size(size)
-        }
-        Call::Save(room) => {
-            desk.bytes.resize(room, 0);
-            Answer::Saved(node.save(&mut desk.bytes))
-        }
-        Call::Restore => Answer::Flag(node.restore(&desk.bytes)),
-        Call::Facts => Answer::Facts(node.facts()),
-        Call::End => Answer::Done,
-    })
-}
-
-=======
-fn answer(node: &mut dyn Processor, call: Call, desk: &mut Desk) -> Result<Answer, Fault> {
-    Ok(match call {
-        Call::Process => Answer::Status(desk.tick(|tick| node.run(tick))?),
-        Call::Wants => Answer::Flag(desk.tick(|tick| node.ask(|n| n.wants(tick)))?),
-        Call::Absorb => desk.tick(|tick| node.ask(|n| n.absorb(tick))).map(|()| Answer::Done)?,
-        Call::Reset => node.ask(|n| n.reset()).map(|()| Answer::Done)?,
-        Call::Elapsed(ticks) => node.ask(|n| n.elapsed(ticks)).map(|()| Answer::Done)?,
-        Call::SetParameter(index, value) => {
-            node.ask(|n| n.set_parameter(index, value)).map(|()| Answer::Done)?
-        }
-        Call::Warm(heat) => node.ask(|n| n.warm(heat)).map(|()| Answer::Done)?,
-        Call::StateSize => {
-            let size = node.state_size();
-            desk.bytes.reserve(size);
-            Answer::Size(size)
-        }
-        Call::Save(room) => {
-            desk.bytes.resize(room, 0);
-            Answer::Saved(node.save(&mut desk.bytes))
-        }
-        // The host resets it where that fails.
-        Call::Restore => Answer::Flag(State::restore(&desk.bytes, |s| node.state(s))),
-        Call::Facts => Answer::Facts(node.facts()),
-        Call::End => Answer::Done,
-    })
-}
-
->>>>>>> nodes
 /// Runs foreign code. After a panic the engine restarts the node, or stops calling it.
 fn contain(f: impl FnOnce() -> Result<(), Fault>) -> Result<(), Fault> {
     catch_unwind(AssertUnwindSafe(f)).unwrap_or_else(|payload| {
@@ -349,7 +292,8 @@ impl Processor for Apart {
                 desk.bytes.extend_from_slice(bytes);
             };
             let restore: Job = |node, desk| {
-                desk.flag = node.restore(&desk.bytes);
+                // The host resets it where that fails.
+                desk.flag = State::restore(&desk.bytes, |s| node.state(s));
                 Ok(())
             };
             it.borrow_mut().ask(before, Some(restore)).is_ok_and(|desk| desk.flag)

@@ -13,7 +13,6 @@ use crate::Failure;
 use crate::arguments::Settings;
 use crate::files::Teller;
 
-/// A source of data.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) enum Origin {
     /// Made by physics.
@@ -73,11 +72,8 @@ impl Reach {
 
 /// Training and test data of a run.
 pub(crate) struct Data {
-    /// To train on.
     pub seen: Vec<Subject>,
-    /// Held out of training.
     pub unseen: Vec<Subject>,
-    /// Of the training touches.
     pub reach: Reach,
 }
 
@@ -109,7 +105,6 @@ fn apart(mut subjects: Vec<Subject>, settings: &Settings) -> (Vec<Subject>, Vec<
     (subjects, unseen)
 }
 
-/// The settings of made data.
 pub(crate) fn made_settings(settings: &Settings) -> made::Settings {
     let pieces = [settings.pieces as usize, made::Settings::default().pieces[1]];
     made::Settings { seed: settings.seed, pieces, ..made::Settings::default() }

@@ -20,15 +20,11 @@ use serde::{Deserialize, Serialize};
 use crate::Failure;
 use crate::files::{Teller, refused, write_whole};
 
-/// Batches drawn ahead on a second thread.
 const AHEAD: usize = 2;
-/// Time between two checkpoints.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(60);
 /// Adam's epsilon (Kingma and Ba 2015): gradients of single weights are far below burn's 1e-5.
 const EPSILON: f32 = 1e-8;
-/// Reports of a whole stage.
 const REPORTS: usize = 200;
-/// First bytes of a checkpoint.
 const MAGIC: &[u8; 8] = b"ASPCHK03";
 /// Largest checkpoint to read, in bytes: an encoder of 166 MB with its optimiser takes an eighth of it.
 const MAX_CHECKPOINT_BYTES: u64 = 4 << 30;
@@ -36,7 +32,6 @@ const MAX_CHECKPOINT_BYTES: u64 = 4 << 30;
 /// One stage of a training run.
 #[derive(Clone, Debug)]
 pub(crate) struct Stage<'a> {
-    /// Name of the stage and its checkpoint.
     pub name: &'static str,
     pub steps: usize,
     /// Largest learning rate. The rate rises over the first fiftieth of the steps and falls to a
@@ -45,7 +40,6 @@ pub(crate) struct Stage<'a> {
     /// Adam's decay of the mean squares of gradients. The usual 0.999 gives too large steps after
     /// gradients have grown.
     pub second_decay: f32,
-    /// Folder of checkpoints.
     pub folder: &'a Path,
     pub begun: Begun,
     pub stop: &'a Stop,
@@ -88,7 +82,6 @@ struct Header {
     sum: u64,
     losses: Vec<(usize, u64)>,
     model_bytes: usize,
-    /// Checksum of all bytes behind the header.
     crc32: u32,
 }
 
@@ -232,7 +225,6 @@ fn read<M: Module>(path: &Path, begun: Begun, model: M) -> Result<Option<(M, Hea
     Ok(Some((model, header, bytes(adam_bytes))))
 }
 
-/// Header, model and optimiser of a checkpoint.
 fn parts(bytes: &[u8]) -> Option<(Header, &[u8], &[u8])> {
     let (length, rest) = bytes.strip_prefix(MAGIC)?.split_first_chunk::<8>()?;
     let (line, rest) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;

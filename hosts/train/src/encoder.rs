@@ -18,7 +18,6 @@ pub(crate) const FEATURES: usize = 256 * 5 * 7;
 /// Numbers of an image for the image encoder: channels, rows, columns.
 pub(crate) const PIXELS: usize = 3 * IMAGE[0] * IMAGE[1];
 
-/// Size of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Preset {
     /// The sizes of Heravi et al. 2024: AlexNet's convolutions, heads of 4096 and 512.
@@ -28,7 +27,6 @@ pub(crate) enum Preset {
 }
 
 impl Preset {
-    /// Channels of the five convolutions.
     pub(crate) fn channels(self) -> [usize; 5] {
         match self {
             Self::Paper => [64, 192, 384, 256, 256],
@@ -64,7 +62,6 @@ pub(crate) const GEOMETRY: [Geometry; 5] = [
     Geometry { kernel: 3, stride: 1, padding: 1, pooled: false },
     Geometry { kernel: 3, stride: 1, padding: 1, pooled: true },
 ];
-/// Edge and stride of pooling.
 pub(crate) const POOL: (usize, usize) = (3, 2);
 /// Scale and offset of pixels of 0 to 1: x' = scale (x - offset).
 pub(crate) const PIXEL_SCALE: (f32, f32) = (4.0, 0.4);
@@ -82,7 +79,6 @@ pub(crate) struct ImageEncoder {
     convolutions: Vec<Convolution>,
 }
 
-/// A convolution's numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Kernel {
     /// Out, in, rows, columns.
@@ -94,7 +90,6 @@ pub(crate) struct Kernel {
 }
 
 impl ImageEncoder {
-    /// An encoder with initial weights.
     pub(crate) fn new(preset: Preset, random: &mut Random, device: &Device) -> Self {
         let channels = preset.channels();
         let inputs = [3, channels[0], channels[1], channels[2], channels[3]];
@@ -141,7 +136,6 @@ pub(crate) struct Head {
 }
 
 impl Head {
-    /// The classifier of stage one.
     pub(crate) fn classifier(preset: Preset, classes: usize, random: &mut Random, device: &Device) -> Self {
         let [first, second] = preset.hidden();
         let mut layers = layers(&[FEATURES, first, second], random, device);

@@ -25,18 +25,15 @@ pub(crate) fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), Diagnostic> {
     })
 }
 
-/// The error about a file or a folder.
 pub(crate) fn refused(path: &Path, what: &str, help: &str) -> Diagnostic {
     Diagnostic::new(what).in_file(path).help(help)
 }
 
-/// Makes a folder, unless it is there.
 pub(crate) fn make_folder(path: &Path) -> Result<(), Diagnostic> {
     std::fs::create_dir_all(path)
         .map_err(|e| Diagnostic::new(format!("cannot make this folder: {e}")).in_file(path))
 }
 
-/// Progress messages: a bar on a terminal, lines elsewhere.
 pub(crate) struct Teller {
     bar: Option<ProgressBar>,
     what: &'static str,
@@ -55,7 +52,6 @@ impl Teller {
         Self { bar, what, steps, next_line: 0 }
     }
 
-    /// Reports the step with a remark.
     pub(crate) fn tell(&mut self, step: usize, remark: &str) {
         match &self.bar {
             Some(bar) => {

@@ -14,7 +14,6 @@ pub(crate) struct Layer {
     bias: Param<Tensor<1>>,
 }
 
-/// Weights of a layer.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Weights {
     pub inputs: usize,
@@ -33,7 +32,6 @@ pub(crate) fn initial(count: usize, inputs: usize, gain: f64, random: &mut Rando
 }
 
 impl Layer {
-    /// A layer with initial weights.
     pub(crate) fn new(
         inputs: usize,
         outputs: usize,
@@ -55,7 +53,6 @@ impl Layer {
         }
     }
 
-    /// `x W + b` of \[n, in\].
     pub(crate) fn forward(&self, x: Tensor<2>) -> Tensor<2> {
         x.matmul(self.weight.val()) + self.bias.val().unsqueeze()
     }
@@ -82,12 +79,10 @@ pub(crate) fn layers(widths: &[usize], random: &mut Random, device: &Device) -> 
     widths.windows(2).map(|w| Layer::new(w[0], w[1], 1.0, random, device)).collect()
 }
 
-/// Layers with a ReLU after each.
 pub(crate) fn all_relu(layers: &[Layer], x: Tensor<2>) -> Tensor<2> {
     layers.iter().fold(x, |x, layer| relu(layer.forward(x)))
 }
 
-/// Layers with a ReLU between.
 pub(crate) fn relu_between(layers: &[Layer], x: Tensor<2>) -> Tensor<2> {
     match layers.split_last() {
         Some((last, hidden)) => last.forward(all_relu(hidden, x)),
@@ -96,7 +91,6 @@ pub(crate) fn relu_between(layers: &[Layer], x: Tensor<2>) -> Tensor<2> {
 }
 
 impl Weights {
-    /// Some of the outputs.
     pub(crate) fn columns(&self, columns: Range<usize>) -> Self {
         let rows = self.weight.chunks_exact(self.outputs);
         Self {

@@ -17,7 +17,6 @@ pub(crate) enum Target {
     Rms,
 }
 
-/// Weighting of errors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, Serialize, Deserialize)]
 pub(crate) enum Aim {
     /// In m/s^2, as in the paper: loud materials dominate.
@@ -34,7 +33,6 @@ const FLOOR_M_S2: f32 = 0.0005;
 pub(crate) const RAYLEIGH: f32 = 0.886_226_9;
 
 impl Target {
-    /// Its name in files.
     pub(crate) fn name(self) -> &'static str {
         match self {
             Self::Mean => "mean",
@@ -42,7 +40,6 @@ impl Target {
         }
     }
 
-    /// The other one.
     pub(crate) fn other(self) -> Self {
         match self {
             Self::Mean => Self::Rms,
@@ -104,9 +101,7 @@ pub(crate) fn foreseen(magnitudes: Tensor<2>, answer: &Tensor<2>, weight: &Tenso
     magnitudes.min_pair(level * MOST_POWER.sqrt())
 }
 
-/// Weight of the ratios' loss beside that of magnitudes.
 const RATIO_WEIGHT: f32 = 0.5;
-/// Weight of the variance's loss beside that of magnitudes.
 const VARIANCE_WEIGHT: f32 = 0.05;
 /// Part of a touch's usual magnitudes whose power is added to both powers of a quotient, so
 /// near-silence does not scatter.
@@ -219,7 +214,6 @@ fn cell(example: &Example) -> usize {
 }
 
 impl Scales {
-    /// Weights of a material's examples.
     pub(crate) fn of(examples: &[Example], aim: Aim) -> Self {
         if aim == Aim::Euclidean {
             return Self { cells: vec![[1.0; BINS]; CELLS] };
@@ -249,7 +243,6 @@ impl Scales {
         Self { cells }
     }
 
-    /// Weight of each bin for an example.
     pub(crate) fn weights(&self, example: &Example) -> &[f32; BINS] {
         &self.cells[cell(example)]
     }

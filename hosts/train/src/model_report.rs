@@ -10,7 +10,7 @@ use crate::data::{Data, Origin};
 use crate::encoder::Preset;
 use crate::evaluation::{
     ALONE, AUDIBLE_M_S2, Evaluation, Level, MEAN_GAIN_DB, Naming, RANGE_DB, Scatter, Score, Stranger,
-    Strangers, places,
+    Strangers, average, places,
 };
 use crate::loss::{Aim, Target};
 
@@ -118,12 +118,10 @@ network for the other target is that of the first training.
     )
 }
 
-/// Lines of a table.
 fn lines<const N: usize>(rows: impl Iterator<Item = [String; N]>) -> String {
     rows.map(|cells| format!("| {} |\n", cells.join(" | "))).collect()
 }
 
-/// A name, in a table.
 fn cell(name: &str) -> String {
     name.replace(char::is_control, " ").replace('|', "\\|")
 }
@@ -132,28 +130,18 @@ fn percent(part: f64) -> String {
     format!("{:.1} %", 100.0 * part)
 }
 
-/// Mean of a figure over the scores with that figure.
-fn average<'a, T: 'a>(
-    all: impl IntoIterator<Item = &'a T>,
-    figure: impl Fn(&T) -> Option<f64>,
-) -> Option<f64> {
-    let (sum, count) = all.into_iter().filter_map(figure).fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
-    (count > 0.0).then(|| sum / count)
-}
-
 /// A figure in dB, or a dash for none.
 fn decibels(figure: Option<f64>) -> String {
     figure.map_or_else(|| "-".to_owned(), |db| format!("{db:.2}"))
 }
 
-/// Scores with judged bins.
 fn judged(scores: &[Score]) -> impl Iterator<Item = &Score> + Clone {
     scores.iter().filter(|s| s.bins > 0)
 }
 
 /// Part of the materials that the model beats this baseline on.
 fn beaten(scores: &[Score], which: usize) -> Option<f64> {
-    average(judged(scores), |s| Some(f64::from(u8::from(s.beats()[which]))))
+    average(judged(scores).map(|s| f64::from(u8::from(s.beats()[which]))))
 }
 
 fn goals(evaluation: &Evaluation) -> String {
@@ -273,10 +261,10 @@ model is judged by what is true on average.
             .and_then(|which| beaten(&evaluation.scores, which))
             .map_or_else(String::new, |part| format!("{} of materials", percent(part)));
         let [within, out] =
-            [&evaluation.scores, &evaluation.beyond].map(|s| decibels(average(judged(s), figure)));
+            [&evaluation.scores, &evaluation.beyond].map(|s| decibels(average(judged(s).filter_map(figure))));
         let _ = writeln!(text, "| {what} | {within} | {out} | {better} |");
     }
-    let bias = |scores: &[Score]| average(judged(scores), |s| Some(s.bias_db));
+    let bias = |scores: &[Score]| average(judged(scores).map(|s| s.bias_db));
     let _ = write!(text, "\nBias of the model: {} dB within", decibels(bias(&evaluation.scores)));
     if let Some(db) = bias(&evaluation.beyond) {
         let _ = write!(text, ", {db:.2} dB beyond");
@@ -347,7 +335,7 @@ within a material, and are means over materials.
 
 fn strangers(strangers: &Strangers) -> String {
     let surfaces = &strangers.surfaces;
-    let mean = |figure: fn(&Stranger) -> Option<f64>| decibels(average(surfaces, figure));
+    let mean = |figure: fn(&Stranger) -> Option<f64>| decibels(average(surfaces.iter().filter_map(figure)));
     let mut text = String::new();
     if let Some(families) = &strangers.families {
         let _ = writeln!(

@@ -45,7 +45,6 @@ impl Scaling {
 
 /// First answer for all magnitudes [m/s^2].
 const FIRST: f32 = 0.05;
-/// Largest absolute logarithm of a magnitude.
 const MOST_LOG: f32 = 30.0;
 
 /// The network, from scaled forces and velocities to m/s^2.
@@ -78,7 +77,6 @@ pub(crate) struct NetworkWeights {
     pub force: Vec<Weights>,
     pub speed: Vec<Weights>,
     pub action: Vec<Weights>,
-    /// All but its last layer.
     pub predictor: Vec<Weights>,
     /// Last layer, of the magnitudes' logarithms.
     pub magnitudes: Weights,
@@ -87,7 +85,6 @@ pub(crate) struct NetworkWeights {
 }
 
 impl Network {
-    /// A network with initial weights.
     pub(crate) fn new(random: &mut Random, device: &Device) -> Self {
         let force = layers(&FORCE, random, device);
         let mut speed = layers(&SPEED, random, device);

@@ -14,7 +14,6 @@ use crate::network::NetworkWeights;
 
 /// Version of the file format: ONNX 1.8, known to every current reader.
 const IR_VERSION: i64 = 7;
-/// Version of the operators.
 const OPSET: i64 = 13;
 
 /// Keys and values of a file's metadata.

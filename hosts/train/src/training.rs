@@ -8,7 +8,7 @@ use std::sync::Arc;
 use asperity_data::Subject;
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_numbers::Random;
-use asperity_plot::{Curve, Curves};
+use asperity_plot::{Chart, Plot, Scale, Trace};
 use asperity_texture::picture::Image;
 use asperity_texture::{Encoder, Library, LibraryMaterial, Model, Pattern, VECTOR_LEN};
 use burn::module::Module;
@@ -16,7 +16,6 @@ use burn::tensor::Device;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
-use serde::Deserialize;
 
 use crate::arguments::{self, Settings, Train, Trained};
 use crate::data::{self, Data, Origin};
@@ -30,7 +29,6 @@ use crate::{Failure, model_report, onnx, pattern};
 
 /// Learning rate of settling as a part of stage two's.
 const SETTLING: f64 = 0.05;
-/// File of the settings in a model's folder.
 const SETTINGS: &str = "settings.json";
 
 /// Trains a model and writes it.
@@ -252,7 +250,6 @@ fn with_stored(vectors: &[Vec<f32>], stored: &[[f32; VECTOR_LEN]]) -> Vec<Vec<f3
     all.map(|(images, mean)| [images.clone(), mean.repeat(images.len() / VECTOR_LEN)].concat()).collect()
 }
 
-/// Settings of a model.
 pub(crate) fn settings_of(folder: &Path) -> Result<Settings, Diagnostic> {
     let path = folder.join(SETTINGS);
     serde_json::from_str(Source::read(&path)?.text())
@@ -296,13 +293,11 @@ pub(crate) fn evaluate(Trained { folder, run, data }: &Trained) -> Result<(), Fa
     judge(folder, &run_folder(folder, run.as_deref()), begun(&settings, &data), &settings, &data)
 }
 
-/// Result of stage one, from the run's folder.
 fn namer_of(run: &Path, begun: Begun, settings: &Settings, data: &Data) -> Result<Option<Namer>, Failure> {
     let namer = Namer::new(settings.preset, data.seen.len(), settings.seed, &Device::flex());
     descent::of_checkpoint(&run.join("naming.checkpoint"), begun, settings.naming_steps as usize, namer)
 }
 
-/// File of the network for the other target.
 fn other_file(target: Target) -> String {
     format!("texture_{}.onnx", target.other().name())
 }
@@ -338,12 +333,8 @@ fn judge(folder: &Path, run: &Path, begun: Begun, settings: &Settings, data: &Da
 
 /// Naming of an earlier evaluation, if there was one.
 fn named_earlier(path: &Path) -> Option<Named> {
-    #[derive(Deserialize)]
-    struct Earlier {
-        naming: Named,
-    }
-    let text = Source::read(path).ok()?;
-    serde_json::from_str::<Earlier>(text.text()).ok().map(|earlier| earlier.naming)
+    let mut earlier: serde_json::Value = serde_json::from_str(Source::read(path).ok()?.text()).ok()?;
+    serde_json::from_value(earlier.get_mut("naming")?.take()).ok()
 }
 
 /// Settings for a model's files, without the user's folder.
@@ -401,7 +392,6 @@ fn file_name(name: &str, taken: &mut HashSet<String>) -> String {
     std::iter::once(plain.clone()).chain(numbered).find(free).unwrap_or(plain)
 }
 
-/// An image as a JPEG file of good quality.
 fn jpeg(image: &Image) -> Result<Vec<u8>, Failure> {
     let [rows, columns] = image.size;
     let mut bytes = Vec::new();
@@ -438,20 +428,31 @@ fn csv(stages: &[(String, Losses)]) -> String {
     text
 }
 
-fn curves(stages: &[(String, Losses)]) -> Curves {
-    let curve = |(name, losses): &(String, Losses)| Curve {
-        name: name.clone(),
-        remark: losses.last().map(|(_, loss)| format!("{loss:.4} at last")).unwrap_or_default(),
-        points: losses.iter().map(|(step, loss)| (*step as f64, *loss)).collect(),
+/// The loss of each stage over its steps, logarithmic where all are above 0.
+fn curves(stages: &[(String, Losses)]) -> Chart {
+    let plot = |(name, losses): &(String, Losses)| Plot {
+        heading: (
+            name.clone(),
+            losses.last().map(|(_, loss)| format!("{loss:.4} at last")).unwrap_or_default(),
+        ),
+        x_name: "Step".into(),
+        y: Scale { logarithmic: losses.iter().all(|(_, loss)| *loss > 0.0), range: None },
+        traces: vec![Trace {
+            lines: vec![losses.iter().map(|(step, loss)| (*step as f64, *loss)).collect()],
+            ..Trace::default()
+        }],
+        ..Plot::default()
     };
-    Curves {
+    Chart {
         title: "Training".to_owned(),
         subtitle: "mean loss since the last report, by step".to_owned(),
-        curves: stages.iter().map(curve).collect(),
+        columns: stages.len(),
+        size: [300.0, 240.0],
+        plots: stages.iter().map(plot).collect(),
+        aside: Vec::new(),
     }
 }
 
-/// Refuses a folder with a model of other settings.
 fn fits(out: &Path, settings: &Settings) -> Result<(), Diagnostic> {
     let alike = |found: Settings| Settings { network_steps: settings.network_steps, ..found } == *settings;
     if !out.join(SETTINGS).exists() || settings_of(out).is_ok_and(alike) {

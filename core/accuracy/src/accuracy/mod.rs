@@ -10,23 +10,20 @@
 //!
 //! A signal below [`SILENCE_M_S2`] (root mean square, 20 to 1000 Hz) is silent. Two silent signals agree in
 //! all figures. Where only one is silent, the errors of level, spectrum and bands are [`LIMIT_DB`] (or the
-//! bound of the figure), and the error of the shape is 0.
+//! bound of the figure).
 
-mod bands;
 mod long_term;
 mod perceptual;
 pub mod rhythm;
 mod spectrogram;
 #[cfg(test)]
-mod testing;
-mod waveform;
+pub(crate) mod testing;
 
-pub use bands::{BAND_RANGE_DB, BANDS, band_edges_hz, band_powers, band_rms_db, bands_db};
-pub use long_term::{SPECTRUM_RANGE_DB, level_db, shape_db, spectrum_db};
-pub use perceptual::{SEGMENT_FRAMES, SUPPORT_DB, perceptual, threshold_m_s2};
+use long_term::{BANDS, band_rms_db, bands_db, level_db, spectrum_db};
+use perceptual::perceptual;
 pub use rhythm::{Rhythm, RhythmAgreement};
-pub use spectrogram::{BINS, FIRST_HZ, HOP_S, MIN_FRAMES, STEP_HZ, Spectrogram, WINDOW_S};
-pub use waveform::{EXACT_DB, waveform_db};
+use spectrogram::MIN_FRAMES;
+pub use spectrogram::{BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
 
 /// Largest error \[dB\], of either sign: that of silence.
 pub const LIMIT_DB: f64 = 120.0;
@@ -37,17 +34,15 @@ pub const SILENCE_M_S2: f64 = 1e-6;
 /// Agreement of a rendered acceleration with the truth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Agreement {
-    /// [`level_db`]: root mean square over 20 to 1000 Hz over the truth's; 0 is right, above 0 is too loud.
+    /// Root mean square over 20 to 1000 Hz over the truth's; 0 is right, above 0 is too loud.
     pub level_db: f64,
-    /// [`spectrum_db`]: root mean square error of the long-term spectrum; 0 is right.
+    /// Root mean square error of the long-term spectrum; 0 is right.
     pub spectrum_db: f64,
-    /// [`shape_db`]: the same without the error's mean; at most `spectrum_db`.
-    pub shape_db: f64,
-    /// [`band_rms_db`]: root mean square error of the energies of nine bands; 0 is right.
+    /// Root mean square error of the energies of nine bands; 0 is right.
     pub bands_db: f64,
-    /// [`bands_db`]: the error of each band; none above half of the truth's rate.
+    /// The error of each band; none above half of the truth's rate.
     pub bands: [Option<f64>; BANDS],
-    /// [`perceptual()`]: 0 to 1; 1 is no perceptible difference.
+    /// 0 to 1; 1 is no perceptible difference.
     pub perceptual: f64,
 }
 
@@ -64,7 +59,7 @@ pub enum AccuracyError {
     /// A sample that is not finite or beyond 1e100, by its number.
     #[error("sample {0} is not finite")]
     NotFinite(usize),
-    /// Fewer than [`MIN_FRAMES`] frames that both signals have: less than 0.5 s.
+    /// Less than 0.5 s that both signals have.
     #[error("less than 0.5 s to compare")]
     TooShort,
     /// Two signals of different lengths, where the same samples are compared.
@@ -72,24 +67,13 @@ pub enum AccuracyError {
     Lengths(usize, usize),
 }
 
-/// All figures of a rendered acceleration \[m/s^2\] against the truth. The powers of the truth's axes add,
-/// since one signal has to carry the vibration of three (Landin, Romano, McMahan, Kuchenbecker 2010).
+/// All figures of a spectrogram against several draws of one truth, such as one stroke over several places of
+/// a surface. The powers of the truth's axes add, since one signal has to carry the vibration of three
+/// (Landin, Romano, McMahan, Kuchenbecker 2010).
 ///
 /// Sample 0 of all signals is the same moment. The longer signal's end does not count, nor do frequencies
 /// from half the truth's rate on. The rendered signal has no power from half its own rate on.
-pub fn agreement(
-    rendered: &[f64],
-    rate_hz: f64,
-    truth: &[&[f64]],
-    truth_rate_hz: f64,
-) -> Result<Agreement, AccuracyError> {
-    let rendered = Spectrogram::new(&[rendered], rate_hz)?;
-    let truth = Spectrogram::new(truth, truth_rate_hz)?;
-    compare(&rendered, &[truth])
-}
-
-/// All figures of a spectrogram against several draws of one truth, such as one stroke over several places of
-/// a surface. The truth is their mean power; `perceptual` is the mean over the draws, since masks are those
+/// The truth is their mean power; `perceptual` is the mean over the draws, since masks are those
 /// of one draw.
 ///
 /// # Errors
@@ -112,10 +96,43 @@ pub fn compare(rendered: &Spectrogram, truths: &[Spectrogram]) -> Result<Agreeme
     Ok(Agreement {
         level_db: level_db(r, t),
         spectrum_db: spectrum_db(r, t),
-        shape_db: shape_db(r, t),
         bands_db: band_rms_db(&bands),
         bands,
         perceptual: long_term::mean(truths.iter().map(|truth| perceptual(rendered, truth))),
+    })
+}
+
+/// Error of identical signals \[dB\]; its negative is that of any signal against a reference of zeros.
+const EXACT_DB: f64 = -300.0;
+
+/// Error of a waveform against a reference of the same setting, sample by sample: the noise-to-signal ratio
+/// `20 log10 (|| y - r || / || r ||)` \[dB\].
+///
+/// 0 dB is silence; 3 dB is an independent signal of the same level; -6 dB is half or one and a half times
+/// the amplitude. Within -300 and 300 dB.
+///
+/// # Errors
+/// [`AccuracyError::Lengths`], [`AccuracyError::NotFinite`].
+pub fn waveform_db(rendered: &[f64], reference: &[f64]) -> Result<f64, AccuracyError> {
+    if rendered.len() != reference.len() {
+        return Err(AccuracyError::Lengths(rendered.len(), reference.len()));
+    }
+    let bad = |(y, r): (&f64, &f64)| !(y.abs() <= 1e100 && r.abs() <= 1e100);
+    if let Some(at) = rendered.iter().zip(reference).position(bad) {
+        return Err(AccuracyError::NotFinite(at));
+    }
+    // Brought to a peak of 1, so that squares of what is small do not vanish.
+    let peak = reference.iter().fold(0.0, |peak: f64, r| peak.max(r.abs()));
+    let scale = if peak > 0.0 { peak } else { 1.0 };
+    let (mut error, mut whole) = (0.0, 0.0);
+    for (y, r) in rendered.iter().zip(reference) {
+        error += ((y - r) / scale).powi(2);
+        whole += (r / scale).powi(2);
+    }
+    Ok(match (error > 0.0, whole > 0.0) {
+        (false, _) => EXACT_DB,
+        (true, false) => -EXACT_DB,
+        (true, true) => (10.0 * (error / whole).log10()).clamp(EXACT_DB, -EXACT_DB),
     })
 }
 

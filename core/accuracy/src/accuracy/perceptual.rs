@@ -3,9 +3,9 @@ use std::f64::consts::TAU;
 use super::spectrogram::{BINS, Spectrogram, bin_hz};
 
 /// Frames of a segment: 0.575 s of signal.
-pub const SEGMENT_FRAMES: usize = 20;
+const SEGMENT_FRAMES: usize = 20;
 /// Deviation in dB of the psychometric function.
-pub const SUPPORT_DB: f64 = 12.0;
+const SUPPORT_DB: f64 = 12.0;
 
 /// Threshold at 250 Hz, the least, in micrometres of displacement. Chosen.
 const LEAST_UM: f64 = 0.03;
@@ -26,38 +26,12 @@ const LITTLE: f64 = 0.022_750_13;
 
 /// How alike two signals feel by their spectra, 0 to 1; 1 is no perceptible difference.
 ///
-/// This is the spectral part of ST-SIM (R. Hassen and E. Steinbach, "Subjective evaluation of the spectral
-/// temporal similarity (ST-SIM) measure for vibrotactile quality assessment", IEEE Trans. Haptics 13(1),
-/// 2020). The threshold curve and the masks are those of the psychohaptic model of VC-PWQ (A. Noll, B.
-/// Gulecyuz, A. Hofmann, E. Steinbach, "A rate-scalable perceptual wavelet-based vibrotactile codec", IEEE
-/// Haptics Symposium 2020; IEEE 1918.1.1):
-///
-/// ```text
-/// support   s = Phi((L - T) / 12 dB)
-///           probability that a bin of level L is felt over the threshold T
-/// threshold T = the powers of absolute threshold and mask added
-/// absolute  62 (log10(f / 550 + 6 / 11) / log10(6 / 11))^2 dB
-///           over its value at 250 Hz, at most 77; see threshold_m_s2
-/// mask      max over peaks p of  L_p - 5 + f_p / 280 - 30 ((f - f_p) / f_p)^2 dB
-///           peaks stand out by 12 dB, and are at most 45 dB below the loudest bin
-/// score     (sum s_r s_t + C) / (max(sum s_r^2, sum s_t^2) + C)
-///           over bins and segments; a segment begins with every frame
-/// ```
-///
-/// Differences from the papers, which compare waveforms block by block, so that two draws of one noise
-/// differ:
-///
-/// - A level is the mean power of a segment of [`SEGMENT_FRAMES`] frames (0.575 s), over which speed and
-///   force change little. Segments overlap, and sums are over all of them.
-/// - Masks are those of single frames, as in the codec, with their powers averaged over the segment. Peaks
-///   below the absolute threshold mask nothing.
-/// - The larger mask of both signals counts, and the larger sum divides: a signal that is too loud scores
-///   below 1.
-/// - `C` is the support of a signal 24 dB below the threshold in every bin, so that two signals that nobody
-///   feels score 1.
+/// This is the spectral part of ST-SIM (R. Hassen and E. Steinbach, IEEE Trans. Haptics 13(1), 2020), with
+/// the threshold curve and masks of VC-PWQ (A. Noll, B. Gulecyuz, A. Hofmann, E. Steinbach, IEEE Haptics
+/// Symposium 2020; IEEE 1918.1.1). `docs/accuracy.md` has the formulas and the differences from the papers.
 ///
 /// Frames that only one signal has do not count, nor bins from half the truth's rate on. 1 without frames.
-pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
+pub(super) fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
     let frames = rendered.frames().min(truth.frames());
     let length = SEGMENT_FRAMES.min(frames);
     let segments = frames - length + 1;
@@ -83,13 +57,10 @@ pub fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {
     if most > 0.0 { ((both + little) / most).clamp(0.0, 1.0) } else { 1.0 }
 }
 
-/// Smallest amplitude \[m/s^2\] at which a sine of a frequency \[Hz\] is felt.
-///
-/// The codec's curve has no unit. Its shape, a minimum at 250 Hz and 15 dB an octave below, is that of
-/// thresholds of displacement: times `(2 pi f)^2` it is an acceleration. It is set to 0.03 um at 250 Hz,
-/// 0.07 m/s^2, about the threshold of hands that hold a tool (A. J. Brisben, S. S. Hsiao, K. O. Johnson, J.
-/// Neurophysiology 81(4), 1999). Of the two rises in versions of the codec, 62 and 50 dB, this is the later.
-pub fn threshold_m_s2(hz: f64) -> f64 {
+/// Smallest amplitude \[m/s^2\] at which a sine of a frequency \[Hz\] is felt: the codec's curve, taken for a
+/// displacement and set to 0.03 um at 250 Hz (A. J. Brisben, S. S. Hsiao, K. O. Johnson, J. Neurophysiology
+/// 81(4), 1999). Of the two rises in versions of the codec, 62 and 50 dB, this is the later.
+fn threshold_m_s2(hz: f64) -> f64 {
     let (per_hz, at_0) = CURVE;
     let rise = RISE_DB * ((per_hz * hz.max(0.0) + at_0).log10() / at_0.log10()).powi(2);
     let um = LEAST_UM * 10f64.powf(rise.min(MOST_DB) / 20.0);

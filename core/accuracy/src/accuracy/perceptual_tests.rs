@@ -162,18 +162,3 @@ fn score_does_not_depend_on_the_start_of_a_pause() {
     let (least, most) = scores.iter().fold((1.0, 0.0), |(a, b), s| (f64::min(a, *s), f64::max(b, *s)));
     assert!(most - least < 0.03, "{scores:?}");
 }
-
-#[test]
-#[ignore = "prints the scores that docs/accuracy.md has"]
-fn scores() {
-    for rms in [0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 20.0] {
-        // 20 to 1000 Hz have so much of it.
-        let truth = noise(1, COUNT, rms * (1250.0_f64 / 990.0).sqrt());
-        let other = noise(2, COUNT, rms * (1250.0_f64 / 990.0).sqrt());
-        print!("{rms:5} m/s^2: draw {:.3}", score(&other, &truth));
-        for db in [-12.0, -6.0, -3.0, -1.5, 1.5, 3.0, 6.0, 12.0] {
-            print!("  {db:+} {:.2}", score(&louder(&other, db), &truth));
-        }
-        println!("  silence {:.3}", score(&vec![0.0; COUNT], &truth));
-    }
-}

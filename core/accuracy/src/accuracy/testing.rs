@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 /// A white, nearly Gaussian noise of a root mean square, the same for the same seed.
-pub(super) fn noise(seed: u64, count: usize, rms: f64) -> Vec<f64> {
+pub(crate) fn noise(seed: u64, count: usize, rms: f64) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15);
     let mut uniform = || {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -13,13 +13,11 @@ pub(super) fn noise(seed: u64, count: usize, rms: f64) -> Vec<f64> {
     (0..count).map(|_| rms * (0..12).map(|_| uniform()).sum::<f64>()).collect()
 }
 
-/// A sine.
 pub(super) fn sine(amplitude: f64, hz: f64, rate_hz: f64, seconds: f64) -> Vec<f64> {
     let samples = (rate_hz * seconds).round() as usize;
     (0..samples).map(|n| amplitude * (TAU * hz * n as f64 / rate_hz + 0.7).sin()).collect()
 }
 
-/// A signal times a gain in dB.
 pub(super) fn louder(signal: &[f64], db: f64) -> Vec<f64> {
     let gain = 10f64.powf(db / 20.0);
     signal.iter().map(|x| gain * x).collect()

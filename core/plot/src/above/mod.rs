@@ -4,7 +4,6 @@
 //! motion, run lanes: one for each effect that is active there. The view holds the path and its
 //! surroundings.
 
-mod names;
 mod outline;
 mod way;
 
@@ -12,10 +11,9 @@ use asperity_scene::space::Surface;
 
 use super::axis::{Axis, FRAME, Panel};
 use super::lines::Pen;
-use super::svg::{Svg, num};
-use names::draw_names;
-use outline::{Bounds, Outline, Point, bounds, clipped, left_of, meet};
-use way::{LANE, Piece, Stop, lanes, line, pieces};
+use super::svg::{Svg, fitting, num, text_width};
+use outline::{Bounds, Point, bounds, clipped, meet, outline};
+use way::{LANE, Piece, lanes, line, pieces};
 
 /// A scene from above.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -60,23 +58,24 @@ pub struct Moment {
 
 const LEFT: f64 = 64.0;
 const RIGHT: f64 = 850.0;
-/// Left and right edge of the legend.
 const ASIDE: f64 = 884.0;
 const END: f64 = 1100.0;
 const HEADING: f64 = 30.0;
 const BELOW: f64 = 50.0;
 /// Least and greatest height of the map in pixels.
 const HEIGHT: [f64; 2] = [200.0, 520.0];
-/// Height of a row of the legend.
 const ROW: f64 = 19.0;
 /// Height of a row of the strip over time, and of its bars.
 const STRIP_ROW: f64 = 14.0;
 const BAR: f64 = 9.0;
-/// Distance of grid lines in pixels.
 const GRID_SPACING: f64 = 70.0;
-/// Most outlines that are drawn, those nearest to the path, and most surfaces that are named.
+/// Most outlines that are drawn, those that were touched first, and most surfaces that are named.
 const MOST_OUTLINES: usize = 4000;
 const MOST_NAMES: usize = 40;
+/// Font size of names, height of a line, and least room for a name in pixels, where its surface is narrower.
+const NAME: f64 = 10.5;
+const LINE: f64 = 14.0;
+const LEAST: f64 = 60.0;
 /// Least extent of the view in mm.
 const LEAST_MM: f64 = 10.0;
 /// Surfaces nearer than `NEAR` to the path are shown, up to `FAR` from it; both as parts of its extent.
@@ -110,9 +109,10 @@ pub(super) struct Laid<'a> {
 impl SceneMap {
     /// Lays the scene out below `top`.
     pub(super) fn laid(&self, top: f64) -> Laid<'_> {
-        let outlines = self.surfaces.iter().map(|seen| Outline::of(&seen.surface));
+        // An endless line has no extent.
+        let outlines = self.surfaces.iter().filter_map(|seen| outline(&seen.surface).filter(|p| p.len() > 2));
         let path = bounds(self.moments.iter().filter_map(Moment::place));
-        let [low, high] = view(path, outlines.filter_map(|outline| outline.bounds()));
+        let [low, high] = view(path, outlines.filter_map(|points| bounds(points.into_iter())));
         let size = [high[0] - low[0], high[1] - low[1]];
         let room = RIGHT - LEFT;
         // At least as high as the legend beside it.
@@ -126,13 +126,7 @@ impl SceneMap {
         };
         let top = top + HEADING;
         let panel = Panel { x: axis(0, room, [LEFT, RIGHT]), y: axis(1, height, [top + height, top]) };
-        let stop = |moment: &Moment| Stop {
-            at: moment.place().map(|[x, y]| panel.at((x, y))),
-            effects: moment.effects,
-            touches: moment.touches,
-            jumps: moment.jumps,
-        };
-        let pieces = pieces(self.moments.iter().map(stop));
+        let pieces = pieces(&self.moments, |[x, y]| panel.at((x, y)));
         Laid { above: self, panel, pieces }
     }
 
@@ -224,23 +218,26 @@ fn view(path: Option<Bounds>, surfaces: impl Iterator<Item = Bounds>) -> Bounds 
 }
 
 impl Laid<'_> {
-    /// Lower end, labels included.
     pub(super) fn bottom(&self) -> f64 {
         self.panel.y.pixels[0] + BELOW
     }
 
-    /// The map in pixels.
     fn frame(&self) -> Bounds {
         let [bottom, top] = self.panel.y.pixels;
         [[LEFT, top], [RIGHT, bottom]]
     }
 
-    /// Draws the map and its legend.
     pub(super) fn draw(&self, svg: &mut Svg) {
         let Panel { x, y } = &self.panel;
         let [[left, top], [right, bottom]] = self.frame();
-        let (surfaces, left_out) = self.in_view();
-        if surfaces.iter().any(|(_, outline)| *outline == Outline::Everywhere) {
+        let view: Bounds = [[x.low, y.low], [x.high, y.high]];
+        let all = self.above.surfaces.iter().map(|seen| (seen, outline(&seen.surface)));
+        let is_seen = |points: &Vec<Point>| bounds(points.iter().copied()).is_some_and(|b| meet(b, view));
+        let mut surfaces: Vec<_> = all.filter(|(_, points)| points.as_ref().is_none_or(is_seen)).collect();
+        surfaces.sort_by_key(|(seen, _)| !seen.touched);
+        let left_out = surfaces.len().saturating_sub(MOST_OUTLINES);
+        surfaces.truncate(MOST_OUTLINES);
+        if surfaces.iter().any(|(_, points)| points.is_none()) {
             svg.rect([left, top], [right - left, bottom - top], GROUND);
         }
         self.panel.x_grid(svg, GRID_SPACING);
@@ -266,61 +263,32 @@ impl Laid<'_> {
         self.legend(svg);
     }
 
-    /// Surfaces that meet the view, at most [`MOST_OUTLINES`], and how many more there are.
-    fn in_view(&self) -> (Vec<(&Seen, Outline)>, usize) {
-        let Panel { x, y } = &self.panel;
-        let view: Bounds = [[x.low, y.low], [x.high, y.high]];
-        let all = self.above.surfaces.iter().map(|seen| (seen, Outline::of(&seen.surface)));
-        let mut all: Vec<(&Seen, Outline)> =
-            all.filter(|(_, outline)| outline.bounds().is_none_or(|b| meet(b, view))).collect();
-        let left_out = all.len().saturating_sub(MOST_OUTLINES);
-        if left_out > 0 {
-            self.nearest_first(&mut all);
-            all.truncate(MOST_OUTLINES);
-        }
-        (all, left_out)
-    }
-
-    /// Sorts surfaces by their distance from the path; touched ones come first.
-    fn nearest_first(&self, all: &mut [(&Seen, Outline)]) {
-        let every = self.pieces.len().div_ceil(256).max(1);
-        let path: Vec<Point> = self.pieces.iter().step_by(every).map(|piece| piece.from).collect();
-        all.sort_by_cached_key(|(seen, outline)| {
-            let Some([low, high]) = outline.bounds() else { return (false, 0) };
-            let at = self.panel.at((0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1])));
-            let nearest = path.iter().map(|p| (p[0] - at[0]).hypot(p[1] - at[1])).fold(1e9, f64::min);
-            (!seen.touched, nearest as u64)
-        });
-    }
-
-    /// Draws surfaces. Returns each with the bounds of its visible part. All outlines run clockwise on the
-    /// screen, so that none is a hole in another.
-    fn draw_surfaces<'s>(&self, svg: &mut Svg, surfaces: &[(&'s Seen, Outline)]) -> Vec<(&'s Seen, Bounds)> {
+    /// Draws surfaces. Returns each with the bounds of its visible part.
+    fn draw_surfaces<'s>(
+        &self,
+        svg: &mut Svg,
+        surfaces: &[(&'s Seen, Option<Vec<Point>>)],
+    ) -> Vec<(&'s Seen, Bounds)> {
         let frame = self.frame();
         // Cut a little outside the frame, so that cut edges are not seen.
         let wide = [frame[0].map(|v| v - 8.0), frame[1].map(|v| v + 8.0)];
         let (mut paths, mut areas) = ([const { String::new() }; 4], Vec::new());
-        for (seen, outline) in surfaces {
-            let Some(points) = outline.points() else {
+        for (seen, points) in surfaces {
+            let Some(points) = points else {
                 areas.push((*seen, frame));
                 continue;
             };
             let points: Vec<Point> = points.iter().map(|[x, y]| self.panel.at((*x, *y))).collect();
             areas.extend(bounds(clipped(&points, frame).into_iter()).map(|area| (*seen, area)));
-            let mut points = clipped(&points, wide);
-            let turns = |w: &[Point]| left_of(points[0], w[0], w[1]);
-            if points.windows(2).map(turns).sum::<f64>() < 0.0 {
-                points.reverse();
-            }
-            let (d, mut pen) =
-                (&mut paths[usize::from(seen.touched) + 2 * usize::from(seen.soft)], Pen::default());
-            points.iter().for_each(|[x, y]| pen.to(d, *x, *y));
-            if !points.is_empty() {
-                d.push('z');
+            let (mut d, mut pen) = (String::new(), Pen::default());
+            clipped(&points, wide).iter().for_each(|[x, y]| pen.to(&mut d, *x, *y));
+            if !d.is_empty() {
+                let style = usize::from(seen.touched) + 2 * usize::from(seen.soft);
+                paths[style] += &format!("<path d=\"{d}z\"/>\n");
             }
         }
-        for (i, d) in paths.iter().enumerate() {
-            svg.path(d, &format!("{}{}", OUTLINE[i & 1], if i > 1 { DASHED } else { "" }));
+        for (i, paths) in paths.iter().enumerate().filter(|(_, paths)| !paths.is_empty()) {
+            svg.raw(format_args!("<g {}{}>\n{paths}</g>\n", OUTLINE[i & 1], if i > 1 { DASHED } else { "" }));
         }
         areas
     }
@@ -337,7 +305,6 @@ impl Laid<'_> {
         all - draw_names(svg, &areas, self.frame())
     }
 
-    /// Draws the path and its lanes.
     fn draw_path(&self, svg: &mut Svg) {
         for (bit, d) in lanes(&self.pieces, COLOURS.len()).iter().enumerate() {
             let name = self.above.effects.get(bit).map_or("", String::as_str);
@@ -352,7 +319,6 @@ impl Laid<'_> {
         }
     }
 
-    /// The legend beside the map.
     fn legend(&self, svg: &mut Svg) {
         let mut y = self.panel.y.pixels[1] + 4.0;
         let row = |svg: &mut Svg, y: f64, stroke: &str, name: &str, share: f64| {
@@ -385,6 +351,37 @@ impl Laid<'_> {
         dot(svg, [ASIDE + 19.0, y - 4.0], true);
         svg.text([ASIDE + 34.0, y], "start", "ink", "beginning, end");
     }
+}
+
+/// Writes names within `frame`, off each other: at the upper edges of their areas, else some lines below or
+/// above. Returns their number.
+fn draw_names(svg: &mut Svg, areas: &[(&Seen, Bounds)], frame: Bounds) -> usize {
+    // Length of a line in pixels, on the large side.
+    let length = |line: &str| {
+        let wide = line.chars().filter(|c| *c >= '\u{1100}').count() as f64;
+        1.05 * text_width(line, NAME) + 0.5 * NAME * wide + 2.0
+    };
+    let mut taken: Vec<Bounds> = Vec::new();
+    for (Seen { name, note, .. }, [low, high]) in areas {
+        let room = (high[0] - low[0] - 6.0).max(LEAST);
+        let both = format!("{name} \u{b7} {note}");
+        let fits = !note.is_empty() && note != name && length(&both) <= room;
+        let text = if fits { both } else { fitting(name, room, NAME) };
+        let size = [length(&text), LINE];
+        let first = [0.5 * (low[0] + high[0] - size[0]), low[1] + 3.0];
+        let first: Point = [0, 1].map(|k| first[k].min(frame[1][k] - size[k]).max(frame[0][k]));
+        let at = [0.0, 1.0, 2.0, -1.0, -2.0].map(|lines| {
+            let corner = [first[0], first[1] + lines * LINE];
+            [corner, [corner[0] + size[0], corner[1] + size[1]]]
+        });
+        let inside = |at: &Bounds| (0..2).all(|k| at[0][k] >= frame[0][k] && at[1][k] <= frame[1][k]);
+        let apart = |a: &Bounds, b: &Bounds| (0..2).any(|k| a[0][k] >= b[1][k] || b[0][k] >= a[1][k]);
+        if let Some(at) = at.into_iter().find(|at| inside(at) && taken.iter().all(|t| apart(t, at))) {
+            svg.text([at[0][0] + 1.0, at[1][1] - 4.0], "start", "wire", &text);
+            taken.push(at);
+        }
+    }
+    taken.len()
 }
 
 /// The beginning of the path, or its end.

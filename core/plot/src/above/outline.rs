@@ -10,75 +10,43 @@ pub(super) type Bounds = [Point; 2];
 /// A plane is upright if the upward component of its normal is below this.
 const UPRIGHT: f64 = 1e-6;
 
-/// The outline of a surface.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) enum Outline {
-    /// Everything: a plane.
-    Everywhere,
-    /// An endless line: an upright plane. Two points of it, outside the world.
-    Edge([Point; 2]),
-    /// A convex polygon; a line where it is seen from the side.
-    Polygon(Vec<Point>),
-}
-
-impl Outline {
-    /// The outline of a rectangle is its upper face, that of a relief its rectangle at height 0.
-    pub(super) fn of(surface: &Surface) -> Self {
-        let pose = &surface.pose;
-        let seen = |at: [f64; 3]| {
-            let [x, y, _] = pose.to_world(at);
-            [x, y]
-        };
-        let face = |[x, y]: [f64; 2]| {
-            let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
-            Self::Polygon(corners.iter().map(|[a, b]| seen([a * x, b * y, 0.0])).collect())
-        };
-        match surface.shape.form() {
-            Form::Plane => {
-                let [nx, ny, nz] = pose.vector_to_world([0.0, 0.0, 1.0]);
-                if nz.abs() > UPRIGHT {
-                    return Self::Everywhere;
-                }
-                let ([x, y], far) = (seen([0.0; 3]), 4.0 * WORLD_MM);
-                Self::Edge([[x - far * ny, y + far * nx], [x + far * ny, y - far * nx]])
+/// Corners of a surface's convex outline; none of a plane, which is everywhere. A rectangle has its upper
+/// face, a relief its rectangle at height 0, an upright plane a line that ends outside the world.
+pub(super) fn outline(surface: &Surface) -> Option<Vec<Point>> {
+    let pose = &surface.pose;
+    let seen = |at: [f64; 3]| {
+        let [x, y, _] = pose.to_world(at);
+        [x, y]
+    };
+    let face = |[x, y]: [f64; 2]| {
+        let corners = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]];
+        corners.map(|[a, b]| seen([a * x, b * y, 0.0])).to_vec()
+    };
+    Some(match surface.shape.form() {
+        Form::Plane => {
+            let [nx, ny, nz] = pose.vector_to_world([0.0, 0.0, 1.0]);
+            if nz.abs() > UPRIGHT {
+                return None;
             }
-            Form::Rectangle { size_mm, .. } => face(*size_mm),
-            Form::Relief(relief) => face(relief.size_mm),
-            Form::Sphere { radius_mm: r } => {
-                let [x, y] = seen([0.0; 3]);
-                // As many corners as keep within half a pixel where the view is smallest.
-                let count = (std::f64::consts::PI * (80.0 * r).sqrt()).clamp(16.0, 16384.0) as usize;
-                let turn = std::f64::consts::TAU / count as f64;
-                let corner = |i: usize| (turn * i as f64).sin_cos();
-                Self::Polygon((0..count).map(corner).map(|(sin, cos)| [x + r * cos, y + r * sin]).collect())
-            }
-            Form::Box { size_mm: [x, y, z] } => {
-                let corner = |i: usize| {
-                    let half =
-                        |bit: usize, edge: &f64| if i >> bit & 1 == 1 { 0.5 * edge } else { -0.5 * edge };
-                    seen([half(0, x), half(1, y), half(2, z)])
-                };
-                Self::Polygon(hull((0..8).map(corner).collect()))
-            }
+            let ([x, y], far) = (seen([0.0; 3]), 4.0 * WORLD_MM);
+            vec![[x - far * ny, y + far * nx], [x + far * ny, y - far * nx]]
         }
-    }
-
-    /// Its bounds; `None` if it is endless.
-    pub(super) fn bounds(&self) -> Option<Bounds> {
-        match self {
-            Self::Everywhere | Self::Edge(_) => None,
-            Self::Polygon(points) => bounds(points.iter().copied()),
+        Form::Rectangle { size_mm, .. } => face(*size_mm),
+        Form::Relief(relief) => face(relief.size_mm),
+        Form::Sphere { radius_mm: r } => {
+            let [x, y] = seen([0.0; 3]);
+            // As many corners as keep within half a pixel where the view is smallest.
+            let count = (std::f64::consts::PI * (80.0 * r).sqrt()).clamp(16.0, 16384.0) as usize;
+            let turn = std::f64::consts::TAU / count as f64;
+            let corner = |i: usize| (turn * i as f64).sin_cos();
+            (0..count).map(corner).map(|(sin, cos)| [x + r * cos, y + r * sin]).collect()
         }
-    }
-
-    /// Its corners; `None` if it is everywhere.
-    pub(super) fn points(&self) -> Option<&[Point]> {
-        match self {
-            Self::Everywhere => None,
-            Self::Edge(points) => Some(points),
-            Self::Polygon(points) => Some(points),
+        Form::Box { size_mm } => {
+            let half =
+                |i: usize, k: usize| if i >> k & 1 == 1 { 0.5 * size_mm[k] } else { -0.5 * size_mm[k] };
+            hull((0..8).map(|i| seen([0, 1, 2].map(|k| half(i, k)))).collect())
         }
-    }
+    })
 }
 
 /// Least and greatest of the finite points.

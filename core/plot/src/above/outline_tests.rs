@@ -6,15 +6,9 @@ use std::sync::Arc;
 
 use super::*;
 
-fn seen(shape: Shape, place_mm: [f64; 3], turn_deg: [f64; 3]) -> Outline {
-    Outline::of(&Surface { shape, pose: Pose::new(place_mm, turn_deg).unwrap() })
-}
-
-fn corners(outline: &Outline) -> Vec<Point> {
-    match outline {
-        Outline::Polygon(points) => points.clone(),
-        other => panic!("{other:?}"),
-    }
+/// Corners of a shape; none of a plane that is everywhere.
+fn seen(shape: Shape, place_mm: [f64; 3], turn_deg: [f64; 3]) -> Vec<Point> {
+    outline(&Surface { shape, pose: Pose::new(place_mm, turn_deg).unwrap() }).unwrap_or_default()
 }
 
 /// Same corners, whichever is first.
@@ -35,14 +29,14 @@ fn within(polygon: &[Point], p: Point, slack: f64) -> bool {
 fn rectangle_is_turned_as_by_hand() {
     let shape = || Shape::rectangle([20.0, 10.0], 5.0).unwrap();
     let flat = seen(shape(), [1.0, 2.0, 3.0], [0.0; 3]);
-    assert!(same(&corners(&flat), &[[-9.0, -3.0], [11.0, -3.0], [11.0, 7.0], [-9.0, 7.0]]));
+    assert!(same(&flat, &[[-9.0, -3.0], [11.0, -3.0], [11.0, 7.0], [-9.0, 7.0]]));
     let quarter = seen(shape(), [1.0, 2.0, 3.0], [0.0, 0.0, 90.0]);
-    assert!(same(&corners(&quarter), &[[-4.0, -8.0], [6.0, -8.0], [6.0, 12.0], [-4.0, 12.0]]));
+    assert!(same(&quarter, &[[-4.0, -8.0], [6.0, -8.0], [6.0, 12.0], [-4.0, 12.0]]));
     // Tilted by 60 degrees about y, its x is half as long.
     let tilted = seen(shape(), [0.0; 3], [0.0, 60.0, 0.0]);
-    assert!(same(&corners(&tilted), &[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]));
+    assert!(same(&tilted, &[[-5.0, -5.0], [5.0, -5.0], [5.0, 5.0], [-5.0, 5.0]]));
     // From the side it is a line.
-    let upright = corners(&seen(shape(), [0.0; 3], [90.0, 0.0, 0.0]));
+    let upright = seen(shape(), [0.0; 3], [90.0, 0.0, 0.0]);
     assert!(upright.iter().all(|[x, y]| x.abs() == 10.0 && y.abs() < 1e-12));
 }
 
@@ -51,36 +45,34 @@ fn relief_is_a_rectangle_and_sphere_a_circle() {
     let grid = Arc::new(HeightGrid::new(8, vec![0.5; 64], [1.0; 2], true).unwrap());
     let relief = seen(Shape::relief(grid, Some([6.0, 4.0]), 1.0, 5.0).unwrap(), [0.0; 3], [0.0, 0.0, 45.0]);
     let (a, b) = (5.0 / 2.0_f64.sqrt(), 1.0 / 2.0_f64.sqrt());
-    assert!(same(&corners(&relief), &[[-b, -a], [a, b], [b, a], [-a, -b]]), "{relief:?}");
-    assert_eq!(relief.bounds(), bounds(corners(&relief).into_iter()));
+    assert!(same(&relief, &[[-b, -a], [a, b], [b, a], [-a, -b]]), "{relief:?}");
 
     let ball = seen(Shape::sphere(3.0).unwrap(), [1.0, 2.0, 9.0], [10.0, 20.0, 30.0]);
-    assert!(corners(&ball).iter().all(|p| ((p[0] - 1.0).hypot(p[1] - 2.0) - 3.0).abs() < 1e-9));
-    assert!(corners(&ball).len() > 40, "{ball:?}");
+    assert!(ball.iter().all(|p| ((p[0] - 1.0).hypot(p[1] - 2.0) - 3.0).abs() < 1e-9));
+    assert!(ball.len() > 40, "{ball:?}");
 }
 
 #[test]
 fn plane_is_everywhere_unless_upright() {
     for turn in [[0.0; 3], [180.0, 0.0, 0.0], [60.0, 20.0, 0.0]] {
-        assert_eq!(seen(Shape::plane(), [0.0; 3], turn), Outline::Everywhere, "{turn:?}");
+        assert_eq!(seen(Shape::plane(), [0.0; 3], turn), Vec::<Point>::new(), "{turn:?}");
     }
     // Its normal is along -y; it runs along x through the place.
     let upright = seen(Shape::plane(), [5.0, 7.0, 0.0], [90.0, 0.0, 0.0]);
-    let Outline::Edge([a, b]) = upright else { panic!("{upright:?}") };
+    let [a, b] = upright[..] else { panic!("{upright:?}") };
     assert!((a[1] - 7.0).abs() < 1e-6 && (b[1] - 7.0).abs() < 1e-6);
     assert!(a[0].min(b[0]) < -WORLD_MM && a[0].max(b[0]) > WORLD_MM);
-    assert_eq!(Outline::Edge([a, b]).bounds(), None);
 }
 
 #[test]
 fn box_on_its_corner_is_a_regular_hexagon() {
     // The cube's diagonal upright: turned by 45 degrees about x, then by atan(1 / sqrt 2) about y.
     let tip = (1.0 / 2.0_f64.sqrt()).atan().to_degrees();
-    let hexagon = corners(&seen(Shape::cuboid([2.0; 3]).unwrap(), [0.0; 3], [45.0, -tip, 0.0]));
+    let hexagon = seen(Shape::cuboid([2.0; 3]).unwrap(), [0.0; 3], [45.0, -tip, 0.0]);
     assert_eq!(hexagon.len(), 6, "{hexagon:?}");
     let radius = (8.0_f64 / 3.0).sqrt();
     assert!(hexagon.iter().all(|p| (p[0].hypot(p[1]) - radius).abs() < 1e-9), "{hexagon:?}");
-    let flat = corners(&seen(Shape::cuboid([2.0, 4.0, 6.0]).unwrap(), [0.0; 3], [0.0; 3]));
+    let flat = seen(Shape::cuboid([2.0, 4.0, 6.0]).unwrap(), [0.0; 3], [0.0; 3]);
     assert!(same(&flat, &[[-1.0, -2.0], [1.0, -2.0], [1.0, 2.0], [-1.0, 2.0]]));
 }
 
@@ -123,7 +115,7 @@ proptest! {
             first = first.max(ends[0].min(ends[1]));
             last = last.min(ends[0].max(ends[1]));
         }
-        let polygon = corners(&Outline::of(&surface));
+        let polygon = outline(&surface).unwrap();
         prop_assume!((last - first).abs() > 1e-6 && clear > 1e-6);
         prop_assert_eq!(within(&polygon, at, 1e-9), last > first, "{:?}", polygon);
     }

@@ -1,5 +1,6 @@
 //! The path of a stylus in pixels, thinned to what can be seen, and lanes beside it.
 
+use super::Moment;
 use super::outline::Point;
 use crate::lines::Pen;
 
@@ -12,19 +13,6 @@ pub(super) const LANE: f64 = 3.0;
 const CLEAR: f64 = 1.0;
 /// Cosine of a turn that a lane does not follow.
 const SHARP: f64 = 0.3;
-
-/// A tick at a place.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Stop {
-    /// Place in pixels; `None` where it is not known.
-    pub(super) at: Option<Point>,
-    /// Bits of effects.
-    pub(super) effects: u16,
-    /// Whether something is touched.
-    pub(super) touches: bool,
-    /// Whether no path leads here from the place before.
-    pub(super) jumps: bool,
-}
 
 /// A straight piece of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,25 +27,26 @@ pub(super) struct Piece {
     pub(super) joined: bool,
 }
 
-/// The path in at most [`MOST_PIECES`] pieces, each [`STEP`] pixels long or more.
-pub(super) fn pieces(stops: impl ExactSizeIterator<Item = Stop>) -> Vec<Piece> {
-    let ticks = stops.len().div_ceil(MOST_PIECES - 1).max(1);
-    let mut pieces = pieces_of(stops, STEP, ticks);
+/// The path in at most [`MOST_PIECES`] pieces, each [`STEP`] pixels long or more; `pixels` places it.
+pub(super) fn pieces(moments: &[Moment], pixels: impl Fn(Point) -> Point) -> Vec<Piece> {
+    let ticks = moments.len().div_ceil(MOST_PIECES - 1).max(1);
+    let mut pieces = pieces_of(moments, pixels, STEP, ticks);
     // A path of many jumps may have more.
     pieces.truncate(MOST_PIECES);
     pieces
 }
 
 /// Pieces of at least this length and number of ticks. A piece has the effects of all its ticks.
-fn pieces_of(stops: impl Iterator<Item = Stop>, step: f64, ticks: usize) -> Vec<Piece> {
+fn pieces_of(moments: &[Moment], pixels: impl Fn(Point) -> Point, step: f64, ticks: usize) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
     // The unfinished piece, and its number of ticks.
     let mut open: Option<(Piece, usize)> = None;
-    for Stop { at, effects, touches, jumps } in stops {
-        let Some(at) = at else {
+    for moment in moments {
+        let Some(at) = moment.place().map(&pixels) else {
             pieces.extend(open.take().map(|(piece, _)| piece));
             continue;
         };
+        let &Moment { effects, touches, jumps, .. } = moment;
         let mut joined = false;
         if let Some((piece, of)) = open.as_mut().filter(|_| !jumps) {
             piece.to = at;

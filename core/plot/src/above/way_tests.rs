@@ -4,16 +4,16 @@ use proptest::prelude::*;
 
 use super::*;
 
-fn thinned(stops: impl Iterator<Item = Stop>) -> Vec<Piece> {
-    pieces(stops.collect::<Vec<_>>().into_iter())
+fn thinned(stops: impl Iterator<Item = Moment>) -> Vec<Piece> {
+    pieces(&stops.collect::<Vec<_>>(), |at| at)
 }
 
-fn stop(at: Point, effects: u16) -> Stop {
-    Stop { at: Some(at), effects, touches: effects != 0, jumps: false }
+fn stop(at: Point, effects: u16) -> Moment {
+    Moment { at_mm: at.map(|v| v as f32), effects, touches: effects != 0, jumps: false }
 }
 
 /// A random walk with gaps and jumps.
-fn walk() -> impl Strategy<Value = Vec<Stop>> {
+fn walk() -> impl Strategy<Value = Vec<Moment>> {
     let one = (-9.0..9.0f64, -9.0..9.0f64, 0..8u16, proptest::bool::weighted(0.02), 0..40u8);
     proptest::collection::vec(one, 1..400).prop_map(|steps| {
         let mut at = [0.0; 2];
@@ -22,7 +22,8 @@ fn walk() -> impl Strategy<Value = Vec<Stop>> {
             // Most steps are shorter than a piece.
             let by = if kind < 30 { 0.1 } else { 1.0 };
             at = [at[0] + by * dx, at[1] + by * dy];
-            stops.push(Stop { at: (kind > 0).then_some(at), effects, touches: effects > 3, jumps });
+            let at_mm = at.map(|v| if kind > 0 { v as f32 } else { f32::NAN });
+            stops.push(Moment { at_mm, effects, touches: effects > 3, jumps });
         }
         stops
     })
@@ -52,12 +53,12 @@ proptest! {
         step in 0.5..20.0f64,
         ticks in 1..20usize,
     ) {
-        let pieces = pieces_of(stops.iter().copied(), step, ticks);
+        let pieces = pieces_of(&stops, |at| at, step, ticks);
         // No two places are the same, so that each piece begins at one tick.
-        let begins = |p: &Piece| stops.iter().position(|s| s.at == Some(p.from)).unwrap();
-        for (k, s) in stops.iter().enumerate().filter(|(_, s)| s.at.is_some()) {
+        let begins = |p: &Piece| stops.iter().position(|s| s.place() == Some(p.from)).unwrap();
+        for (k, s) in stops.iter().enumerate().filter(|(_, s)| s.place().is_some()) {
             let near = |p: &&Piece| {
-                (0..ticks).any(|t| begins(p) + t == k) || distance(p.from, s.at.unwrap()) < step
+                (0..ticks).any(|t| begins(p) + t == k) || distance(p.from, s.place().unwrap()) < step
             };
             let of = pieces.iter().rfind(|p| begins(p) <= k).unwrap();
             let holds = of.effects & s.effects == s.effects && (of.touches || !s.touches);
@@ -68,7 +69,7 @@ proptest! {
             // Nothing is made up, and pieces are as long as they must be.
             let next = pieces.get(i + 1);
             let end = next.map_or(stops.len(), begins);
-            let placed = stops[begins(p)..end].iter().filter(|s| s.at.is_some());
+            let placed = stops[begins(p)..end].iter().filter(|s| s.place().is_some());
             prop_assert_eq!(placed.fold(0, |all, s| all | s.effects), p.effects);
             prop_assert!(begins(p) >= last);
             last = begins(p);
@@ -77,7 +78,7 @@ proptest! {
                 prop_assert_eq!(p.to, next.from);
             }
         }
-        let breaks = stops.iter().filter(|s| s.jumps || s.at.is_none()).count() + 1;
+        let breaks = stops.iter().filter(|s| s.jumps || s.place().is_none()).count() + 1;
         prop_assert!(pieces.iter().filter(|p| !p.joined).count() <= breaks);
     }
 
@@ -104,7 +105,7 @@ fn long_scribble_is_bounded() {
     let size: usize = lanes(&pieces, 11).iter().map(String::len).sum();
     assert!(size < 1_400_000, "{size}");
     // One that jumps in every tick too.
-    let jumps = (0..80_000u32).map(|k| Stop { jumps: true, ..stop(at(k), 1) });
+    let jumps = (0..80_000u32).map(|k| Moment { jumps: true, ..stop(at(k), 1) });
     assert_eq!(thinned(jumps).len(), MOST_PIECES);
 }
 
@@ -115,7 +116,7 @@ fn ends(d: &str) -> Vec<[Point; 2]> {
 
 #[test]
 fn straight_lanes_lie_on_the_right_in_order() {
-    let there: Vec<Stop> = (0..=100).map(|k| stop([f64::from(k), 50.0], 0b101)).collect();
+    let there: Vec<Moment> = (0..=100).map(|k| stop([f64::from(k), 50.0], 0b101)).collect();
     let paths = lanes(&thinned(there.iter().copied()), 3);
     // Going to the right of the screen, whose y points down, the right hand is below.
     let at = |y: f64| vec![[[0.0, y], [100.0, y]]];

@@ -6,9 +6,9 @@ use burn::tensor::Device;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Written;
 use super::magnitudes::{Judge, Judged};
 use super::statistics::Statistics;
+use super::{Written, average};
 use crate::Failure;
 use crate::data::Data;
 use crate::stages::mean_vector;
@@ -36,7 +36,6 @@ pub(crate) struct Naming {
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Strangers {
     pub surfaces: Vec<Stranger>,
-    /// Families of neighbours, if materials have families.
     pub families: Option<Families>,
 }
 
@@ -45,7 +44,6 @@ pub(crate) struct Strangers {
 pub(crate) struct Families {
     /// Part of surfaces, by the mean of their images' vectors.
     pub surfaces: f64,
-    /// Part of single images.
     pub images: f64,
     /// Part of images that the linear classifier of plain statistics gives a material of the right
     /// family.
@@ -71,14 +69,12 @@ pub(crate) struct Stranger {
     pub best_db: Option<f64>,
 }
 
-/// Images of a surface to judge alone.
 pub(crate) const ALONE: usize = 8;
 
 fn all(subjects: &[Subject], part: fn(&Subject) -> &Vec<Image>) -> Vec<(usize, &Image)> {
     subjects.iter().enumerate().flat_map(|(n, s)| part(s).iter().map(move |image| (n, image))).collect()
 }
 
-/// Vectors of images.
 fn vectors(encoder: &Encoder, images: &[(usize, &Image)]) -> Result<Vec<[f32; VECTOR_LEN]>, Failure> {
     Ok(images.par_iter().map(|(_, image)| encoder.encode(image)).collect::<Result<_, _>>()?)
 }
@@ -99,7 +95,6 @@ fn part_of(all: usize, some: usize) -> f64 {
     some as f64 / all.max(1) as f64
 }
 
-/// Judges names.
 pub(super) fn naming(written: &Written, statistics: &Statistics, data: &Data) -> Result<Naming, Failure> {
     let held = all(&data.seen, |s| &s.images.held);
     let by_vector: Vec<usize> =
@@ -183,13 +178,12 @@ pub(super) fn strangers(
         let images: Vec<&[f32]> = own.chunks_exact(VECTOR_LEN).collect();
         let some = images.iter().step_by((images.len() / ALONE).max(1)).take(ALONE);
         let alone: Vec<[f32; VECTOR_LEN]> = some.map(|v| mean_vector(v)).collect();
+        // None if one of them is.
         let error = |how| -> Result<Option<f64>, Failure> {
-            let mut sum = (!alone.is_empty()).then_some(0.0);
-            for vector in &alone {
-                let error = judge.error_db(written.library.assign(vector, how).as_slice(), &judged)?;
-                sum = sum.zip(error).map(|(sum, error)| sum + error);
-            }
-            Ok(sum.map(|sum| sum / alone.len() as f64))
+            let one = |vector| judge.error_db(written.library.assign(vector, how).as_slice(), &judged);
+            let errors = alone.iter().map(one).collect::<Result<Vec<Option<f64>>, Failure>>()?;
+            let errors: Option<Vec<f64>> = errors.into_iter().collect();
+            Ok(errors.and_then(|errors| average(errors.into_iter())))
         };
         let mut best_db = None;
         for material in materials {

@@ -4,6 +4,7 @@ use asperity_numbers::Random;
 use asperity_texture::{Answer, Choice, Library, Model, Precision, Range, Runner, hold_magnitudes};
 use serde::Serialize;
 
+use super::average;
 use crate::Failure;
 use crate::data::Reach;
 use crate::loss::Target;
@@ -12,7 +13,6 @@ use crate::loss::Target;
 pub(crate) const AUDIBLE_M_S2: f64 = 0.01;
 /// Largest distance of a judged bin below the frame's largest [dB].
 pub(crate) const RANGE_DB: f64 = 40.0;
-/// Neighbours of the smoother lookup.
 const SMOOTH: usize = 20;
 
 /// Mean errors of one material's magnitudes in dB, over the judged bins of all frames.
@@ -55,7 +55,6 @@ pub(crate) struct Scatter {
     pub variance_answered: f64,
 }
 
-/// A written network with one vector, run as the node runs it.
 struct Touched {
     range: Range,
     runner: Runner,
@@ -87,7 +86,6 @@ impl Touched {
     }
 }
 
-/// True magnitudes of held-out strokes.
 pub(crate) struct Judged {
     frames: Vec<(Expectation, [Option<f64>; BINS])>,
 }
@@ -161,7 +159,6 @@ fn power(magnitudes: &[f32; BINS]) -> f64 {
     magnitudes.iter().map(|m| f64::from(*m).powi(2)).sum()
 }
 
-/// Errors over judged bins.
 #[derive(Default)]
 struct Errors(Vec<f64>);
 
@@ -173,8 +170,7 @@ impl Errors {
 
     /// Their mean size; none if nothing was judged.
     fn mean(&self) -> Option<f64> {
-        let sum: f64 = self.0.iter().map(|e| e.abs()).sum();
-        (!self.0.is_empty()).then(|| sum / self.0.len() as f64)
+        average(self.0.iter().map(|e| e.abs()))
     }
 }
 
@@ -200,25 +196,21 @@ impl Judge<'_> {
         Ok(errors)
     }
 
-    /// All figures of a material.
     pub(crate) fn score(&self, subject: &Subject, vector: &[f32], judged: &Judged) -> Result<Score, Failure> {
         let train = &subject.examples.train;
+        // The mean, or the root mean square.
+        let power = match self.target {
+            Target::Mean => 1,
+            Target::Rms => 2,
+        };
         let average = |of: &mut dyn Iterator<Item = &Example>| {
             let (mut sums, mut count) = ([0.0_f64; BINS], 0.0);
             for example in of {
                 count += 1.0;
-                let magnitudes = example.magnitudes.map(|m| self.target.of(m, subject.truth));
-                for (sum, m) in sums.iter_mut().zip(magnitudes) {
-                    *sum += match self.target {
-                        Target::Mean => f64::from(m),
-                        Target::Rms => f64::from(m * m),
-                    };
-                }
+                let magnitudes = example.magnitudes.map(|m| f64::from(self.target.of(m, subject.truth)));
+                sums.iter_mut().zip(magnitudes).for_each(|(sum, m)| *sum += m.powi(power));
             }
-            sums.map(|s| match self.target {
-                Target::Mean => (s / count) as f32,
-                Target::Rms => (s / count).sqrt() as f32,
-            })
+            sums.map(|s| (s / count).powf(f64::from(power).recip()) as f32)
         };
         let constant = average(&mut train.iter());
         let mut errors: [Errors; 4] = Default::default();

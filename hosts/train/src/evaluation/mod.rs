@@ -22,21 +22,16 @@ use crate::loss::{Target, square_of_noise};
 use crate::stages::Namer;
 use magnitudes::{Judge, Judged};
 
-/// A written model.
 pub(crate) struct Written {
     pub encoder: Encoder,
     /// For the settings' target.
     pub network: Model,
-    /// Network for the other target, if it was trained.
     pub other: Option<Model>,
-    /// Result of stage one, from the run's folder.
     pub namer: Option<Namer>,
     pub library: Library,
-    /// Earlier result of naming, if any.
     pub named: Option<Naming>,
 }
 
-/// All results.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Evaluation {
     pub naming: Naming,
@@ -59,9 +54,7 @@ pub(crate) struct Level {
     pub family: String,
     /// Level of the true means: the best result of a network for means.
     pub exact_mean_db: Option<f64>,
-    /// Level of the network for means.
     pub mean_db: Option<f64>,
-    /// Level of the network for power.
     pub rms_db: Option<f64>,
 }
 
@@ -80,7 +73,6 @@ pub(crate) fn places(settings: &Settings) -> [usize; 2] {
     [PLACES * pieces, PLACES / 2 * pieces]
 }
 
-/// Truth of a subject under test.
 struct Known {
     within: Vec<Expectation>,
     /// Beyond the trained range, if it can be known.
@@ -111,7 +103,6 @@ fn truths(settings: &Settings, data: &Data) -> Result<(Vec<Known>, Vec<Vec<Expec
     Ok((seen.par_iter().map(known).collect(), unseen.par_iter().map(within).collect()))
 }
 
-/// An example as its own expectation.
 fn target_of(example: &Example, truth: Truth) -> Expectation {
     let [mean, rms] = [Target::Mean, Target::Rms].map(|t| example.magnitudes.map(|m| t.of(m, truth)));
     // One frame tells nothing of the scatter of others.
@@ -120,111 +111,84 @@ fn target_of(example: &Example, truth: Truth) -> Expectation {
     Expectation { mean, rms, variance, example: Example { other: None, ..example.clone() } }
 }
 
-/// Evaluates a model on held-out data.
+pub(crate) fn average(figures: impl Iterator<Item = f64>) -> Option<f64> {
+    let (sum, count) = figures.fold((0.0, 0.0), |(sum, count), x| (sum + x, count + 1.0));
+    (count > 0.0).then(|| sum / count)
+}
+
+struct Judgement {
+    score: Score,
+    beyond: Option<Score>,
+    /// Levels of the true means, the network for means and the network for power, in dB.
+    levels: [Option<f64>; 3],
+    scatter: Option<Scatter>,
+}
+
 pub(crate) fn evaluate(written: &Written, settings: &Settings, data: &Data) -> Result<Evaluation, Failure> {
     let (seen, unseen) = truths(settings, data)?;
-    let judge = Judge { network: &written.network, target: settings.target, reach: data.reach };
-
+    let target = settings.target;
+    let judge = Judge { network: &written.network, target, reach: data.reach };
     eprintln!("judging names of held-out images");
     let statistics = looks::statistics(data);
     let naming = looks::naming(written, &statistics, data)?;
     eprintln!("judging vibration of {} materials", data.seen.len());
-    let judged: Vec<(Judged, Score, Option<Score>)> = (data.seen.par_iter().zip(&seen))
+    let [for_means, for_power] = match target {
+        Target::Mean => [Some(&written.network), written.other.as_ref()],
+        Target::Rms => [written.other.as_ref(), Some(&written.network)],
+    };
+    let scattering = for_power.filter(|network| network.answers_scatter());
+    let judged: Vec<Judgement> = (data.seen.par_iter().zip(&seen))
         .map(|(subject, truth)| {
             let vector = written.library.material(&subject.name)?.vector.as_slice();
-            let judged = Judged::of(truth.within.clone(), settings.target);
-            let score = judge.score(subject, vector, &judged)?;
-            let beyond = truth.beyond.clone().map(|beyond| Judged::of(beyond, settings.target));
-            let beyond = beyond.map(|beyond| judge.score(subject, vector, &beyond)).transpose()?;
-            Ok((judged, score, beyond))
+            let judged = Judged::of(truth.within.clone(), target);
+            let beyond = truth.beyond.clone().map(|beyond| Judged::of(beyond, target));
+            let level = |network: Option<&Model>| network.map_or(Ok(None), |n| judged.level_db(n, vector));
+            Ok(Judgement {
+                score: judge.score(subject, vector, &judged)?,
+                beyond: beyond.map(|beyond| judge.score(subject, vector, &beyond)).transpose()?,
+                levels: [judged.mean_level_db(), level(for_means)?, level(for_power)?],
+                scatter: scattering.map_or(Ok(None), |network| judged.scatter(network, vector))?,
+            })
         })
         .collect::<Result<_, Failure>>()?;
-    let levels = match &written.other {
-        Some(other) => levels(written, other, settings.target, data, &judged)?,
-        None => Vec::new(),
-    };
-    let powerful = match settings.target {
-        Target::Rms => Some(&written.network),
-        Target::Mean => written.other.as_ref(),
-    };
-    let mut scatter = Vec::new();
-    if let Some(network) = powerful.filter(|network| network.answers_scatter()) {
-        for (subject, (judged, _, _)) in data.seen.iter().zip(&judged) {
-            let vector = written.library.material(&subject.name)?.vector.as_slice();
-            scatter.push((subject, judged.scatter(network, vector)?));
-        }
-    }
     eprintln!("judging {} unseen surfaces", data.unseen.len());
     let strangers = looks::strangers(written, &statistics, data, &judge, unseen)?;
-    let (mut scores, mut beyond) = (Vec::new(), Vec::new());
-    for (_, score, out) in judged {
-        scores.push(score);
-        beyond.extend(out);
-    }
     let silence_m_s2 = magnitudes::loudest_silence(&written.network, &written.library, data.reach)?;
-    let figures = |s: Scatter| [s.ratio, s.ratio_answered, s.variance, s.variance_answered].map(Some);
-    let of_subjects = scatter.iter().map(|(s, known)| (s.family.clone(), known.map_or([None; 4], figures)));
-    let of_family = |(family, [ratio, ratio_answered, variance, variance_answered]): (_, [_; 4])| {
-        let known = || {
-            let (ratio_answered, variance_answered) = (ratio_answered?, variance_answered?);
-            Some(Scatter { ratio: ratio?, ratio_answered, variance: variance?, variance_answered })
-        };
-        (family, known())
-    };
-    let scatter_by_family = by_family(of_subjects.collect()).into_iter().map(of_family).collect();
-    let scatter = scatter.into_iter().map(|(s, scatter)| (s.name.clone(), scatter)).collect();
-    Ok(Evaluation { naming, strangers, scores, beyond, levels, scatter_by_family, scatter, silence_m_s2 })
-}
-
-/// Levels of both targets by family, and last over all.
-fn levels(
-    written: &Written,
-    other: &Model,
-    target: Target,
-    data: &Data,
-    judged: &[(Judged, Score, Option<Score>)],
-) -> Result<Vec<Level>, Failure> {
-    let (mean, rms) = match target {
-        Target::Mean => (&written.network, other),
-        Target::Rms => (other, &written.network),
-    };
-    let mut all = Vec::new();
-    for (subject, (judged, _, _)) in data.seen.iter().zip(judged) {
-        let vector = written.library.material(&subject.name)?.vector.as_slice();
-        let level = |network: &Model| judged.level_db(network, vector);
-        all.push((subject.family.clone(), [judged.mean_level_db(), level(mean)?, level(rms)?]));
-    }
-    let level = |(family, [exact_mean_db, mean_db, rms_db]): (String, [Option<f64>; 3])| Level {
-        family,
-        exact_mean_db,
-        mean_db,
-        rms_db,
-    };
-    Ok(by_family(all).into_iter().map(level).collect())
-}
-
-/// Means of figures over each family's materials with figures, and last over all; nothing without
-/// materials.
-fn by_family<const N: usize>(
-    all: Vec<(Option<String>, [Option<f64>; N])>,
-) -> Vec<(String, [Option<f64>; N])> {
-    if all.is_empty() {
-        return Vec::new();
-    }
-    let mut families: Vec<String> = Vec::new();
-    for family in all.iter().filter_map(|(family, ..)| family.as_ref()) {
-        if !families.contains(family) {
-            families.push(family.clone());
+    // Each family with its materials, in the order of the first, and last all.
+    let mut families: Vec<(String, Vec<&Judgement>)> = Vec::new();
+    for (family, judged) in data.seen.iter().map(|s| &s.family).zip(&judged) {
+        let Some(family) = family else { continue };
+        match families.iter_mut().find(|(known, _)| known == family) {
+            Some((_, all)) => all.push(judged),
+            None => families.push((family.clone(), vec![judged])),
         }
     }
-    let means = |family: Option<&str>| {
-        let of: Vec<_> =
-            all.iter().filter(|(f, ..)| family.is_none_or(|family| f.as_deref() == Some(family))).collect();
-        let average = |figure: usize| {
-            let known: Vec<f64> = of.iter().filter_map(|(_, figures)| figures[figure]).collect();
-            (!known.is_empty()).then(|| known.iter().sum::<f64>() / known.len() as f64)
-        };
-        (family.unwrap_or("all").to_owned(), std::array::from_fn(average))
+    if !judged.is_empty() {
+        families.push(("all".to_owned(), judged.iter().collect()));
+    }
+    let level = |(family, all): &(String, Vec<&Judgement>)| {
+        let [exact_mean_db, mean_db, rms_db] =
+            [0, 1, 2].map(|k| average(all.iter().filter_map(|j| j.levels[k])));
+        Level { family: family.clone(), exact_mean_db, mean_db, rms_db }
     };
-    families.iter().map(|f| means(Some(f))).chain([means(None)]).collect()
+    let levels = families.iter().filter(|_| written.other.is_some()).map(level).collect();
+    let of_family = |(family, all): &(String, Vec<&Judgement>)| {
+        let mean =
+            |figure: fn(&Scatter) -> f64| average(all.iter().filter_map(|j| j.scatter.as_ref()).map(figure));
+        let known = || {
+            let (ratio_answered, variance_answered) =
+                (mean(|s| s.ratio_answered)?, mean(|s| s.variance_answered)?);
+            let (ratio, variance) = (mean(|s| s.ratio)?, mean(|s| s.variance)?);
+            Some(Scatter { ratio, ratio_answered, variance, variance_answered })
+        };
+        (family.clone(), known())
+    };
+    let scatters = scattering.is_some();
+    let scatter_by_family = families.iter().filter(|_| scatters).map(of_family).collect();
+    let scatter = data.seen.iter().zip(&judged).filter(|_| scatters);
+    let scatter = scatter.map(|(subject, judged)| (subject.name.clone(), judged.scatter)).collect();
+    let (scores, beyond): (Vec<Score>, Vec<Option<Score>>) =
+        judged.into_iter().map(|judged| (judged.score, judged.beyond)).unzip();
+    let beyond = beyond.into_iter().flatten().collect();
+    Ok(Evaluation { naming, strangers, scores, beyond, levels, scatter_by_family, scatter, silence_m_s2 })
 }

@@ -6,21 +6,19 @@ use std::sync::Arc;
 use asperity_texture::picture::{IMAGE, Image};
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams};
-use burn::tensor::activation::log_softmax;
-use burn::tensor::{Device, Int, Tensor, TensorData};
+use burn::tensor::{Device, Tensor};
 use rayon::prelude::*;
 use rustfft::num_complex::Complex32;
 use rustfft::{Fft, FftPlanner};
 
-use crate::layer::{Layer, numbers, rows};
+use crate::layer::{Layer, rows};
+use crate::stages::naming_loss;
 
-/// Edge of the middle square for the spectrum.
 const SIDE: usize = 192;
 /// Rings of spatial frequency, of equal ratio, from one period a side to half the side.
 const RINGS: usize = 24;
 /// Numbers of an image: mean, deviation and rings of each colour.
 const NUMBERS: usize = 3 * (2 + RINGS);
-/// Training steps of the classifier, each on all images.
 const STEPS: usize = 400;
 
 /// A linear classifier of an image's mean colours, their deviations, and their radial power spectra in dB.
@@ -31,7 +29,6 @@ pub(super) struct Statistics {
 }
 
 impl Statistics {
-    /// Trains a classifier on images with their class.
     pub(super) fn trained(images: &[(usize, &Image)], classes: usize) -> Self {
         let all = of(images);
         let count = all.len().max(1) as f32;
@@ -44,12 +41,10 @@ impl Statistics {
         let mut baseline =
             Self { layer: Layer::new(NUMBERS, classes, 0.1, random, &device), mean, deviation };
         let inputs = baseline.scaled(&all, &device);
-        let wanted = images.iter().map(|(class, _)| *class as i32).collect::<Vec<_>>();
-        let wanted: Tensor<2, Int> = Tensor::from_data(TensorData::new(wanted, [images.len(), 1]), &device);
+        let wanted: Vec<usize> = images.iter().map(|(class, _)| *class).collect();
         let mut adam = AdamConfig::new().init();
         for step in 0..STEPS {
-            let scores = baseline.layer.forward(inputs.clone());
-            let loss = log_softmax(scores, 1).gather(1, wanted.clone()).mean().neg();
+            let loss = naming_loss(baseline.layer.forward(inputs.clone()), &wanted, &device);
             let gradients = GradientsParams::from_grads(loss.backward(), &baseline.layer);
             let rate = 0.05 * (1.0 - step as f64 / STEPS as f64) + 1e-4;
             baseline.layer = adam.step(rate, baseline.layer, gradients);
@@ -58,12 +53,9 @@ impl Statistics {
         baseline
     }
 
-    /// Classes of images by the classifier.
     pub(super) fn names(&self, images: &[(usize, &Image)]) -> Vec<usize> {
         let scores = self.layer.forward(self.scaled(&of(images), &Device::flex()));
-        let [_, classes] = scores.dims();
-        let largest = |row: &[f32]| (0..classes).max_by(|a, b| row[*a].total_cmp(&row[*b])).unwrap_or(0);
-        numbers(scores).chunks_exact(classes).map(largest).collect()
+        scores.argmax(1).into_data().iter::<i64>().map(|class| class as usize).collect()
     }
 
     fn scaled(&self, all: &[[f32; NUMBERS]], device: &Device) -> Tensor<2> {
@@ -75,7 +67,6 @@ impl Statistics {
     }
 }
 
-/// Statistics of images.
 fn of(images: &[(usize, &Image)]) -> Vec<[f32; NUMBERS]> {
     let fft = FftPlanner::new().plan_fft_forward(SIDE);
     images.par_iter().map(|(_, image)| numbers_of(image, &fft)).collect()

@@ -7,7 +7,7 @@ use asperity_texture::VECTOR_LEN;
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor};
 
-use super::sight::dropout;
+use super::naming::dropout;
 use super::{Kin, Looks, name_loss, random};
 use crate::Failure;
 use crate::arguments::Settings;
@@ -18,7 +18,6 @@ use crate::layer::rows;
 use crate::loss::{Aim, RAYLEIGH, Scales, Scattered, Target, foreseen, square_of_noise, two_of};
 use crate::network::{Network, Scaling};
 
-/// Texture encoder and tick network.
 #[derive(Module, Debug)]
 pub(crate) struct Feeler {
     pub(crate) texture: Head,
@@ -66,14 +65,10 @@ fn drawn<'a>(rows: &'a [f32], width: usize, random: &mut Random) -> &'a [f32] {
     &rows[row * width..(row + 1) * width]
 }
 
-/// Settings of a stage two.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Touching {
-    /// Materials a step.
     pub groups: usize,
-    /// Examples of each.
     pub each: usize,
-    /// Seed of the examples drawn.
     pub seed: u64,
     pub target: Target,
     pub aim: Aim,

@@ -2,7 +2,6 @@
 
 mod feeling;
 mod naming;
-mod sight;
 
 use asperity_data::Subject;
 use asperity_numbers::Random;
@@ -29,7 +28,6 @@ pub(crate) fn vectors(texture: &Head, features: &[f32], device: &Device) -> Vec<
     numbers(texture.forward(rows(features.to_vec(), FEATURES, device)))
 }
 
-/// The mean of vectors \[n, 256\].
 pub(crate) fn mean_vector(vectors: &[f32]) -> [f32; VECTOR_LEN] {
     let mut mean = [0.0; VECTOR_LEN];
     let part = VECTOR_LEN as f32 / vectors.len().max(1) as f32;
@@ -42,7 +40,6 @@ pub(crate) fn mean_vector(vectors: &[f32]) -> [f32; VECTOR_LEN] {
 /// Classes by family, the recognisable part of unknown surfaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Kin {
-    /// Number of each class's family.
     of: Vec<usize>,
     families: usize,
 }
@@ -97,7 +94,7 @@ fn name_loss(
 }
 
 /// Minus the logarithm of the right class's probability by scores \[n, classes\].
-fn naming_loss(scores: Tensor<2>, classes: &[usize], device: &Device) -> Tensor<1> {
+pub(crate) fn naming_loss(scores: Tensor<2>, classes: &[usize], device: &Device) -> Tensor<1> {
     log_softmax(scores, 1).gather(1, column(classes.iter().copied(), device)).mean().neg()
 }
 
@@ -124,7 +121,6 @@ pub(crate) struct Looks {
 const STRANGE_EVERY: usize = 3;
 
 impl Looks {
-    /// Features of subjects' training images.
     pub(crate) fn of(
         encoder: &ImageEncoder,
         subjects: &[Subject],
@@ -139,7 +135,7 @@ impl Looks {
             if kin.is_some() {
                 let random = &mut random(seed, 3, number);
                 let some = images.iter().step_by(STRANGE_EVERY);
-                let made: Vec<Image> = some.map(|image| sight::strange(image, random)).collect();
+                let made: Vec<Image> = some.map(|image| naming::strange(image, random)).collect();
                 strange.push(features(encoder, &made.iter().collect::<Vec<_>>(), device));
             }
             teller.tell(number + 1, "subjects");

@@ -122,14 +122,14 @@ fn steady_magnitudes_of_any_shape_do_not_pulse() {
             let rhythm = rhythm(x, 2500.0);
             [rhythm.pulses(), rhythm.repetition(), score.gain_db.abs(), score.ltas_rms_db]
         };
-        let draws: Vec<_> = (0..5).map(|n| steady(&magnitudes, framing, n).map(|x| figures(&x))).collect();
+        let draws: Vec<_> = (0..3).map(|n| steady(&magnitudes, framing, n).map(|x| figures(&x))).collect();
         for (way, name) in ["shaped_noise", "sample_commit", "spsi"].into_iter().enumerate() {
             // SPSI is made for peaks: its level is low.
             let most = if name == "spsi" { [0.16, 0.1, 1.2, 1.2] } else { [0.16, 0.1, 0.3, 0.5] };
             for (figure, most) in most.into_iter().enumerate() {
                 let mut of: Vec<f64> = draws.iter().map(|draw| draw[way][figure]).collect();
                 of.sort_by(f64::total_cmp);
-                assert!(of[2] <= most, "{name}, {shape}, figure {figure}: {of:?}");
+                assert!(of[1] <= most, "{name}, {shape}, figure {figure}: {of:?}");
             }
         }
     }
@@ -311,20 +311,14 @@ fn agreement_is_known_of_tones_and_of_silence() {
     // Errors of either sign average out.
     assert!(compare(&tone(0.4), &[tone(0.2), tone(0.8)]).unwrap().modulation_db < 1e-6);
     assert_eq!(compare(&flat, &[]), Err(AccuracyError::NoAxes));
-    let same = compare(&flat, &[flat]).unwrap();
-    assert_eq!(
-        (same.modulation_db, same.repetition, same.kurtosis_db, same.steadiness_db),
-        (0.0, 0.0, 0.0, 0.0)
-    );
 
     let silence = rhythm(&[0.0; 2500], 2500.0);
     assert_eq!((silence.modulation, silence.repetition(), silence.kurtosis), ([0.0; 5], 0.0, 3.0));
     assert_eq!(silence, Rhythm::of_noise_like(&[&[0.0; 2500]], 2500.0).unwrap());
-    let both = compare(&silence, &[silence]).unwrap();
-    assert_eq!(
-        (both.modulation_db, both.repetition, both.kurtosis_db, both.steadiness_db),
-        (0.0, 0.0, 0.0, 0.0)
-    );
+    for same in [flat, silence].map(|one| compare(&one, &[one]).unwrap()) {
+        let RhythmAgreement { modulation_db, repetition, kurtosis_db, steadiness_db, .. } = same;
+        assert_eq!([modulation_db, repetition, kurtosis_db, steadiness_db], [0.0; 4]);
+    }
     for (r, t) in [(silence, flat), (flat, silence)] {
         let one = compare(&r, &[t]).unwrap();
         assert_eq!((one.modulation_db, one.repetition, one.kurtosis_db), (LIMIT_DB, 1.0, LIMIT_DB));
@@ -381,12 +375,7 @@ proptest::proptest! {
 
 #[test]
 fn envelope_of_a_modulated_tone_is_its_modulation() {
-    let tone: Vec<f64> = (0..20_000)
-        .map(|i| {
-            let t = f64::from(i) / 5000.0;
-            (1.0 + 0.5 * (TAU * 20.0 * t).sin()) * (TAU * 300.0 * t).sin()
-        })
-        .collect();
+    let tone = made(5000.0, 4.0, |t| (1.0 + 0.5 * (TAU * 20.0 * t).sin()) * (TAU * 300.0 * t).sin());
     let envelope = envelope(&[&tone], 5000.0).unwrap();
     let deepest = envelope.depths.iter().max_by(|a, b| a.1.total_cmp(&b.1)).unwrap();
     // A depth of m is m / sqrt 2.

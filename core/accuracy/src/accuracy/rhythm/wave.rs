@@ -140,7 +140,6 @@ impl Wave {
         Self { rate_hz: length as f64 / band.seconds, samples, envelope }
     }
 
-    /// Root mean square.
     pub(super) fn rms(&self) -> f64 {
         (self.samples.iter().map(|x| x * x).sum::<f64>() / self.samples.len() as f64).sqrt()
     }

@@ -6,7 +6,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_dsp::low_pass::opened_hz;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_node::{Latency, Role};
-use asperity_tradeoff::Response;
+use asperity_tradeoff::Chain as Response;
 
 use serde::Serialize;
 
@@ -54,7 +54,7 @@ pub fn prepare(args: &Args) -> Result<Vec<Ready>, Failure> {
         }
     }
     let ready = |(path, draft): (&PathBuf, load::Offline)| {
-        let response = Response::new(&draft.graph, &draft.registry)?;
+        let response = Response::stepped(&draft.graph, &draft.registry)?;
         let nothing = "nothing in this graph is an acceleration, a current or a voltage at the audio rate";
         let (end, _) = response.output().ok_or_else(|| Diagnostic::new(nothing).in_file(path))?;
         Ok(Ready { path: path.clone(), response, end })
@@ -72,9 +72,9 @@ fn has(draft: &load::Offline, assignment: &str) -> bool {
 
 /// Runs a graph offline over strokes whose speed steps.
 pub fn measure(ready: Ready) -> Result<Chain, Failure> {
-    let Ready { path, response, end } = ready;
+    let Ready { path, mut response, end } = ready;
     let schedule = response.schedule().clone();
-    let Some(lag_ms) = response.lag_ms(STEPS) else {
+    let Some(lag_ms) = response.lag_ms(0, STEPS) else {
         let what = "the level does not rise with speed, so no answer to a step of it can be seen";
         let help = match schedule.with_role(Role::Contact).next() {
             Some(_) => {
