@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use asperity_dsp::Stft;
 
-use super::fit::{Recording, Settings};
+use super::fit::{Recording, Settings, Why};
 use super::made_tests::{level, shipped};
-use super::{Filter, Model, Synthesis, Texture, line_spectrum};
+use super::testing::{bands, off_db};
+use super::{Model, Synthesis, Texture, line_spectrum};
 use asperity_numbers::Random;
 
 /// Speed and force.
@@ -31,9 +32,16 @@ fn mixture_has_barycentric_weights() {
     let mut random = Random::new(3);
     for (name, file) in shipped() {
         let texture = &file.texture;
-        for &triangle in texture.triangles().corners() {
-            let weights = weights(&mut random);
+        for (triangle, weights) in texture
+            .triangles()
+            .corners()
+            .iter()
+            .flat_map(|triangle| [(*triangle, weights(&mut random)), (*triangle, [0.0, 1.0, 0.0])])
+        {
             let [speed, force] = within(texture, triangle, weights);
+            if speed == 0.0 || force == 0.0 {
+                continue;
+            }
             let found = texture.at(speed, force);
             let mean = |of: &dyn Fn(&Model) -> f64| -> f64 {
                 triangle.iter().zip(weights).map(|(i, w)| w * of(&texture.models()[*i])).sum()
@@ -51,176 +59,6 @@ fn mixture_has_barycentric_weights() {
                     let want = mean(&|m| line_spectrum::from_polynomial(&of(m)).unwrap()[i]);
                     assert!((w - want).abs() < 1e-8, "{name}: {w}, not {want}");
                 }
-            }
-        }
-    }
-}
-
-/// The nearest point of the convex hull, in parts of the ranges. Uses only the hull's sides: pairs of
-/// points with all others on one side.
-fn nearest_of_hull(points: &[Place], at: Place) -> Place {
-    let range = [0, 1].map(|k| {
-        let [low, high] = super::triangles::range(points.iter().map(|p| p[k]));
-        high - low
-    });
-    let mut nearest = (f64::INFINITY, at);
-    for a in points {
-        for b in points.iter().filter(|b| *b != a) {
-            let side = |p: &Place| (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]);
-            if points.iter().any(|p| side(p) < -1e-9) {
-                continue;
-            }
-            for i in 0..=20_000 {
-                let part = f64::from(i) / 20_000.0;
-                let p = [0, 1].map(|k| a[k] + part * (b[k] - a[k]));
-                let off = (0..2).map(|k| ((p[k] - at[k]) / range[k]).powi(2)).sum::<f64>();
-                nearest = if off < nearest.0 { (off, p) } else { nearest };
-            }
-        }
-    }
-    nearest.1
-}
-
-#[test]
-fn outside_the_hull_its_nearest_point_counts() {
-    let mut random = Random::new(8);
-    for (name, file) in shipped() {
-        // Without the silent corners the hull is no rectangle.
-        let models: Vec<Model> = file.texture.models().iter().filter(|m| m.variance > 0.0).cloned().collect();
-        let points: Vec<Place> = models.iter().map(Model::place).collect();
-        let texture = Texture::new(1000.0, models, None).unwrap();
-        let centre = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / points.len() as f64);
-        let mut beyond = 0;
-        for _ in 0..60 {
-            let at = [random.range(1.0, 500.0), random.range(0.01, 6.0)];
-            let inside = texture.triangles().corners().iter().any(|t| {
-                let [a, b, c] = t.map(|i| points[i]);
-                let side = |p: Place, q: Place| {
-                    ((q[0] - p[0]) * (at[1] - p[1]) - (q[1] - p[1]) * (at[0] - p[0])).signum()
-                };
-                side(a, b) == side(b, c) && side(b, c) == side(c, a)
-            });
-            if inside {
-                continue;
-            }
-            beyond += 1;
-            let edge = nearest_of_hull(&points, at);
-            let just_inside = [0, 1].map(|k| edge[k] + 1e-6 * (centre[k] - edge[k]));
-            let (found, want) = (texture.at(at[0], at[1]), texture.at(just_inside[0], just_inside[1]));
-            let level = |filter: &Filter| filter.deviation * filter.gain;
-            assert!((level(&found) / level(&want) - 1.0).abs() < 1e-3, "{name} at {at:?}, {edge:?}");
-            assert!(found.ar().iter().zip(want.ar()).all(|(x, y)| (x - y).abs() < 2e-3), "{name} at {at:?}");
-        }
-        assert!(beyond > 20, "{beyond}");
-    }
-}
-
-#[test]
-fn zero_variance_is_silent_to_the_last_bit() {
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        let mut synthesis = Synthesis::new(texture.clone(), 3);
-        let mut out = vec![f32::NAN; 500];
-        for m in texture.models().iter().filter(|m| m.variance == 0.0) {
-            synthesis.touch(m.speed_mm_s, m.force_n);
-            synthesis.process(0, &mut out);
-            assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{name}");
-        }
-    }
-    // Moving and pressing within a triangle whose corners are all silent, beside one that sounds.
-    let places = [(10.0, 0.1, 0.0), (100.0, 0.1, 0.0), (10.0, 1.0, 0.0), (100.0, 1.0, 0.5)];
-    let models = places.map(|(speed_mm_s, force_n, variance)| Model {
-        ar: vec![-1.2, 0.9],
-        ma: vec![0.3],
-        variance,
-        gain: 1.0,
-        speed_mm_s,
-        force_n,
-    });
-    let models = models.to_vec();
-    let corners = [[0, 1, 2], [1, 2, 3]];
-    let mut synthesis = Synthesis::new(Arc::new(Texture::new(1000.0, models, Some(&corners)).unwrap()), 3);
-    let mut out = vec![f32::NAN; 3000];
-    for (speed, force) in [(20.0, 0.2), (50.0, 0.3), (30.0, 0.79), (5.0, 0.05)] {
-        synthesis.touch(speed, force);
-        synthesis.process(0, &mut out);
-        assert!(out.iter().all(|x| x.to_bits() == 0.0f32.to_bits()), "{speed} {force}");
-    }
-    synthesis.touch(90.0, 0.9);
-    synthesis.process(0, &mut out);
-    assert!(out.iter().any(|x| x.abs() > 0.1));
-    synthesis.touch(30.0, 0.3);
-    synthesis.process(3000, &mut out);
-    assert!(out[0] != 0.0 && out[2999] == 0.0, "what sounded dies away, to nothing");
-}
-
-/// `y = -sum a_i y[-i] + gain (e + sum b_i e[-i])`, written out. A texture without coefficients gives
-/// the noise itself.
-#[test]
-fn steady_signal_is_the_recursion() {
-    let white = Model { ar: vec![], ma: vec![], variance: 1.0, gain: 1.0, speed_mm_s: 1.0, force_n: 1.0 };
-    let mut noise = Synthesis::new(Arc::new(Texture::new(1000.0, vec![white], None).unwrap()), 12);
-    noise.touch(1.0, 1.0);
-    let mut e = vec![0.0f32; 6000];
-    noise.process(0, &mut e);
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        for [speed, force] in [[60.0, 0.5], [150.0, 1.2], [400.0, 6.0]] {
-            let filter = texture.at(speed, force);
-            let mut synthesis = Synthesis::new(texture.clone(), 12);
-            synthesis.touch(speed, force);
-            let mut found = vec![0.0f32; 6000];
-            synthesis.process(0, &mut found);
-            let (mut excitation, mut want) = (vec![0.0; 6000], vec![0.0f64; 6000]);
-            for n in 0..6000 {
-                excitation[n] = filter.deviation * f64::from(e[n]);
-                let sum = |c: &[f64], of: &[f64]| -> f64 {
-                    c.iter().zip(of[..n].iter().rev()).map(|(c, x)| c * x).sum()
-                };
-                let excited = excitation[n] + sum(filter.ma(), &excitation);
-                want[n] = filter.gain * excited - sum(filter.ar(), &want);
-            }
-            let peak = want.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-            for (n, (x, y)) in found.iter().zip(&want).enumerate() {
-                assert!((f64::from(*x) - y).abs() < 1e-5 * peak, "{name}, sample {n}: {x}, not {y}");
-            }
-        }
-    }
-}
-
-/// A speed and force by the number of a jump.
-type Jumps = fn(u64) -> Place;
-
-/// The recursion over the signal's own past, used once, grew without end: `ringing.ron` on all of
-/// these, `rough.ron` on the second.
-#[test]
-fn jumps_are_never_louder_than_the_loudest_place() {
-    let anywhere: Jumps = |k| {
-        let mut random = Random::new(k);
-        [random.range(1.0, 301.0), random.range(0.1, 3.1)]
-    };
-    let corners: Jumps = |k| if k % 2 == 0 { [20.0, 0.3] } else { [300.0, 3.0] };
-    let forces: Jumps = |k| if k % 2 == 0 { [300.0, 0.3] } else { [300.0, 3.0] };
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        for (way, jumps) in [("anywhere", anywhere), ("two corners", corners), ("two forces", forces)] {
-            for samples in [1, 2, 4, 10] {
-                let mut synthesis = Synthesis::new(texture.clone(), 5);
-                let mut out = vec![0.0; 30_000];
-                let mut loudest: f64 = 0.0;
-                for (k, out) in out.chunks_mut(samples).enumerate() {
-                    let [speed, force] = jumps(k as u64);
-                    loudest = loudest.max(level(&texture.at(speed, force)));
-                    synthesis.touch(speed, force);
-                    synthesis.process((k * samples) as u64, out);
-                }
-                let square: f64 = out.iter().map(|x| f64::from(*x).powi(2)).sum();
-                let rms = (square / out.len() as f64).sqrt();
-                let peak = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
-                // 30 s of a resonance of 6 Hz are off by up to 5 %. Normal noise does not reach 6
-                // deviations here.
-                let place = format!("{name}, {way}, every {samples}: {rms} and {peak}, not {loudest}");
-                assert!(rms < 1.15 * loudest && f64::from(peak) < 6.0 * loudest, "{place}");
             }
         }
     }
@@ -286,9 +124,9 @@ fn power(signal: &[f32]) -> Vec<f64> {
     power.into_iter().map(|p| p / count).collect()
 }
 
-/// At every corner and at a place in every triangle, over 120 s. In the band of 25 Hz, 5.8 Hz wide, the
-/// power of 120 s of noise has a deviation of 0.16 dB. All places have the same noise, so that it is
-/// one draw for all of them.
+/// At every corner and at a place in every triangle, over 120 s. No sample reaches 6.5 deviations. In the
+/// band of 25 Hz, 5.8 Hz wide, the power of 120 s of noise has a deviation of 0.16 dB. All places have the
+/// same noise, so that it is one draw for all of them.
 #[test]
 fn rendered_third_octaves_match_the_closed_form() {
     const SECONDS: usize = 120;
@@ -313,6 +151,8 @@ fn rendered_third_octaves_match_the_closed_form() {
             // The first second settles.
             let found = power(&out[1000..]);
             let filter = texture.at(speed, force);
+            let peak = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
+            assert!(f64::from(peak) < 6.5 * level(&filter), "{name}: {peak}");
             for band in 14..=26 {
                 let centre = 10f64.powf(f64::from(band) / 10.0);
                 let near = |k: &usize| (0.25 * *k as f64 / centre).log10().abs() < 0.05;
@@ -330,84 +170,39 @@ fn rendered_third_octaves_match_the_closed_form() {
     assert!(places > 110);
 }
 
+/// Samples do not depend on how they are asked for. A signal that sleeps and starts anew equals one that
+/// went on and was reset there.
 #[test]
 fn noise_depends_on_the_sample_number_only() {
     let (_, file) = shipped().remove(2);
-    let texture = Arc::new(file.texture);
     let mut random = Random::new(9);
-    let touch = |synthesis: &mut Synthesis, n: usize| {
-        synthesis.touch(20.0 + 0.01 * n as f64, 1.0 + 0.0001 * n as f64);
-    };
-    // Samples do not depend on how they are asked for.
-    let mut whole = Synthesis::new(texture.clone(), 4);
-    let mut want = vec![0.0; 8000];
-    for (i, part) in want.chunks_mut(2).enumerate() {
-        touch(&mut whole, 2 * i);
-        whole.process(2 * i as u64, part);
-    }
-    // A signal that sleeps and starts anew equals one that went on and was reset there.
-    let mut awake = Synthesis::new(texture.clone(), 4);
-    let mut asleep = Synthesis::new(texture, 4);
-    let (mut a, mut b) = (vec![0.0; 2], vec![0.0; 2]);
-    let mut sleeps = true;
-    let (mut compared, mut nonzero) = (0, 0);
-    for tick in 0..4000 {
-        let was = sleeps;
-        if tick % 50 == 0 {
-            sleeps = random.chance(0.5);
+    let [mut whole, mut parts, mut awake, mut asleep] =
+        [0; 4].map(|_| Synthesis::new(Arc::new(file.texture.clone()), 4));
+    // Ticks of two samples. Some are asked for one sample at a time.
+    let tick = |synthesis: &mut Synthesis, n: u64, step: usize| {
+        synthesis.touch(20.0 + 0.02 * n as f64, 1.0 + 0.0002 * n as f64);
+        let mut out = [0.0; 2];
+        for (i, out) in out.chunks_mut(step).enumerate() {
+            synthesis.process(2 * n + i as u64, out);
         }
-        touch(&mut awake, 2 * tick);
-        if was && !sleeps {
+        out
+    };
+    let (mut sleeps, mut compared) = (true, 0);
+    for n in 0..4000 {
+        assert_eq!(tick(&mut whole, n, 2), tick(&mut parts, n, 1 + random.below(2)), "tick {n}");
+        let slept = sleeps;
+        sleeps = if n % 50 == 0 { random.chance(0.5) } else { sleeps };
+        if slept && !sleeps {
             awake.reset();
             asleep.reset();
         }
-        awake.process(2 * tick as u64, &mut a);
+        let out = tick(&mut awake, n, 2);
         if !sleeps {
-            touch(&mut asleep, 2 * tick);
-            asleep.process(2 * tick as u64, &mut b);
-            assert_eq!(a, b, "tick {tick}");
+            assert!(out[0] != 0.0 && tick(&mut asleep, n, 2) == out, "tick {n}");
             compared += 1;
-            nonzero += usize::from(a[0] != 0.0);
         }
     }
-    assert!(compared > 1000 && nonzero == compared && compared < 3000);
-    let mut again = Synthesis::new(whole.texture().clone().into(), 4);
-    let mut found = vec![0.0; 8000];
-    let mut at = 0;
-    while at < found.len() {
-        // Ticks are not cut. Some are asked for one sample at a time.
-        touch(&mut again, at);
-        if random.chance(0.5) {
-            again.process(at as u64, &mut found[at..at + 2]);
-        } else {
-            again.process(at as u64, &mut found[at..=at]);
-            again.process(at as u64 + 1, &mut found[at + 1..at + 2]);
-        }
-        at += 2;
-    }
-    assert_eq!(found, want);
-}
-
-#[test]
-fn ten_minutes_stay_finite_and_at_their_level() {
-    for (name, file) in shipped() {
-        let texture = Arc::new(file.texture);
-        for m in texture.models().iter().filter(|m| m.variance > 0.0) {
-            let mut synthesis = Synthesis::new(texture.clone(), 77);
-            synthesis.touch(m.speed_mm_s, m.force_n);
-            let wanted = level(&texture.at(m.speed_mm_s, m.force_n));
-            let mut out = vec![0.0f32; 60_000];
-            let (mut squares, mut peak) = (0.0, 0.0f32);
-            for minute in 0..10 {
-                synthesis.process(60_000 * minute, &mut out);
-                squares += out.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>();
-                peak = out.iter().fold(peak, |m, x| m.max(x.abs()));
-            }
-            let found = (squares / 600_000.0).sqrt();
-            assert!(found.is_finite() && f64::from(peak) < 6.5 * wanted, "{name}: {peak} of {wanted}");
-            assert!((20.0 * (found / wanted).log10()).abs() < 0.3, "{name}: {found}, not {wanted}");
-        }
-    }
+    assert!((1000..3000).contains(&compared));
 }
 
 /// The rendered signal is fitted. The fit sounds as the texture does.
@@ -442,28 +237,18 @@ fn fit_of_a_rendering_is_its_texture() {
             acceleration_m_s2: vec![&acceleration],
         };
         let (fitted, report) = recording.fit(&Settings::default()).unwrap();
+        let found = (fitted.models().len(), fitted.triangles().corners().len());
+        assert!(name != "rough" || found == (9, 8), "{found:?}, {report:#?}");
+        // Some of each second on the way is neither place.
+        let unsteady = report.dropped_s(Why::Unsteady);
+        assert!((0.2..4.0).contains(&unsteady), "{name}: {unsteady} s");
         for [v, f] in corners {
             let (found, want) = (fitted.at(v, f), texture.at(v, f));
             let off = 20.0 * (level(&found) / level(&want)).log10();
             assert!(off.abs() < 1.0, "{name} at {v} mm/s, {f} N: {off} dB");
-            let worst = worst_band(&found, &want);
+            let worst = off_db(&bands(&found, 1000.0), &bands(&want, 1000.0), 1e-3);
             println!("{name} {v} {f}: level {off:.2}, band {worst:.2}, order {}", report.order);
             assert!(worst < limit, "{name} at {v} mm/s, {f} N: {worst} dB");
         }
     }
-}
-
-/// The largest difference in dB in third-octave bands that hold a thousandth of the power or more.
-fn worst_band(found: &Filter, want: &Filter) -> f64 {
-    let power = |filter: &Filter, centre: f64| {
-        let at = |i: i32| centre * 10f64.powf((f64::from(i) + 0.5) / 1000.0 - 0.05);
-        (0..100).map(|i| filter.power(TAU * at(i) / 1000.0) * at(i)).sum::<f64>()
-    };
-    let bands: Vec<[f64; 2]> = (14..=26)
-        .map(|band| 10f64.powf(f64::from(band) / 10.0))
-        .map(|centre| [power(found, centre), power(want, centre)])
-        .collect();
-    let whole: f64 = bands.iter().map(|b| b[1]).sum();
-    let held = bands.iter().filter(|b| b[1] > 1e-3 * whole);
-    held.map(|[x, y]| (10.0 * (x / y).log10()).abs()).fold(0.0, f64::max)
 }

@@ -24,7 +24,6 @@
 //! `ar` is `a_1 .. a_p` and `ma` is `b_1 .. b_q` of the [model](super). Without `gain` it is 1, without
 //! `ma` it is empty. Without `triangles` Delaunay's triangulation is made.
 
-use std::fmt::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -103,8 +102,10 @@ impl TextureFile {
         let models = values.iter().map(model).collect::<Result<Vec<Model>, _>>()?;
         apart(values, &models)?;
         let triangles = corners.map(|value| triangles(value, &models)).transpose()?;
-        let texture = Texture::checked(rate_hz, models, triangles.as_deref())
-            .map_err(|(model, e)| at(e, model.and_then(|i| values.get(i)).unwrap_or(list)))?;
+        let texture = Texture::checked(rate_hz, models, triangles.as_deref()).map_err(|(model, e)| {
+            let value = model.map_or(list, |i| &values[i]);
+            e.at(value.source(), value.span())
+        })?;
         texture.models().iter().zip(values).try_for_each(|(model, value)| quiet(model, value))?;
         Ok(Self { description, origin, texture })
     }
@@ -114,34 +115,30 @@ impl TextureFile {
     /// # Errors
     /// A texture that [`parse`](Self::parse) would refuse.
     pub fn to_ron(&self) -> Result<String, Diagnostic> {
-        let mut text = String::from("Autoregressive(\n    version: 1,\n");
-        // Writing to a String cannot fail.
-        let _ = writeln!(text, "    description: {},", quoted(&self.description));
-        let _ = writeln!(text, "    origin: {},", quoted(&self.origin));
-        let _ = writeln!(text, "    rate_hz: {:?},\n    models: [", self.texture.rate_hz());
-        for m in self.texture.models() {
-            text.push_str("        (\n");
-            for (name, value) in [
+        let model = |m: &Model| {
+            let numbers = [
                 ("speed_mm_s", m.speed_mm_s),
                 ("force_n", m.force_n),
                 ("variance", m.variance),
                 ("gain", m.gain),
-            ] {
-                let _ = writeln!(text, "            {name}: {value:?},");
-            }
-            row(&mut text, "ar", &m.ar);
-            row(&mut text, "ma", &m.ma);
-            text.push_str("        ),\n");
+            ]
+            .map(|(name, value)| format!("            {name}: {value:?},\n"));
+            let ma = if m.ma.is_empty() { String::new() } else { row("ma", &m.ma) };
+            format!("        (\n{}{}{ma}        ),\n", numbers.concat(), row("ar", &m.ar))
+        };
+        let models: String = self.texture.models().iter().map(model).collect();
+        let corners = self.texture.triangles().corners().iter().map(|t| format!("        {t:?},\n"));
+        let mut triangles: String = corners.collect();
+        if !triangles.is_empty() {
+            triangles = format!("    triangles: [\n{triangles}    ],\n");
         }
-        text.push_str("    ],\n");
-        if !self.texture.triangles().corners().is_empty() {
-            text.push_str("    triangles: [\n");
-            for t in self.texture.triangles().corners() {
-                let _ = writeln!(text, "        {t:?},");
-            }
-            text.push_str("    ],\n");
-        }
-        text.push_str(")\n");
+        let text = format!(
+            "Autoregressive(\n    version: 1,\n    description: {},\n    origin: {},\n    \
+             rate_hz: {:?},\n    models: [\n{models}    ],\n{triangles})\n",
+            quoted(&self.description),
+            quoted(&self.origin),
+            self.texture.rate_hz()
+        );
         // The text must read back to this texture.
         match Self::parse(&Source::new("texture", text.as_str())) {
             Ok(read) if read == *self => Ok(text),
@@ -152,8 +149,7 @@ impl TextureFile {
 }
 
 impl Texture {
-    /// Reads a texture from a file: of the Penn [toolkit] if its name ends in `.xml`, else a
-    /// [`TextureFile`].
+    /// Reads a texture from a file: of the Penn [toolkit] if its name ends in `.xml`, else a [`TextureFile`].
     ///
     /// # Errors
     /// A file that cannot be read, and all of [`toolkit::parse`] or [`TextureFile::parse`].
@@ -166,26 +162,11 @@ impl Texture {
     }
 }
 
-/// Coefficients, five a line. An empty `ma` is left out.
-fn row(text: &mut String, name: &str, coefficients: &[f64]) {
-    if coefficients.is_empty() && name == "ma" {
-        return;
-    }
-    let _ = write!(text, "            {name}: [");
-    for (i, c) in coefficients.iter().enumerate() {
-        let before = match i {
-            0 => "",
-            i if i % 5 == 0 => ",\n                ",
-            _ => ", ",
-        };
-        let _ = write!(text, "{before}{c:?}");
-    }
-    text.push_str("],\n");
-}
-
-/// Gives an error the place of a value.
-fn at(e: Diagnostic, value: &Value) -> Diagnostic {
-    e.at(value.source(), value.span())
+/// Coefficients, five a line.
+fn row(name: &str, coefficients: &[f64]) -> String {
+    let line = |five: &[f64]| five.iter().map(|c| format!("{c:?}")).collect::<Vec<_>>().join(", ");
+    let lines: Vec<String> = coefficients.chunks(5).map(line).collect();
+    format!("            {name}: [{}],\n", lines.join(",\n                "))
 }
 
 fn model(value: &Value) -> Result<Model, Diagnostic> {
@@ -227,15 +208,14 @@ fn numbers(value: &Value) -> Result<Vec<f64>, Diagnostic> {
 
 /// Refuses two models at one speed and force.
 fn apart(values: &[Value], models: &[Model]) -> Result<(), Diagnostic> {
-    for (i, (m, value)) in models.iter().zip(values).enumerate() {
+    for (i, m) in models.iter().enumerate() {
         let same = |n: &Model| {
             (n.speed_mm_s - m.speed_mm_s).abs() <= APART && (n.force_n - m.force_n).abs() <= APART
         };
-        let earlier = models.iter().take(i).position(same).and_then(|first| values.get(first));
-        if let Some(first) = earlier {
-            return Err(value
+        if let Some(first) = models[..i].iter().position(same) {
+            return Err(values[i]
                 .error(format!("a second model at {} mm/s and {} N", m.speed_mm_s, m.force_n))
-                .related(value.source(), first.span(), "the first")
+                .related(values[i].source(), values[first].span(), "the first")
                 .help("keep one of the two"));
         }
     }
@@ -252,17 +232,13 @@ fn triangles(value: &Value, models: &[Model]) -> Result<Vec<[usize; 3]>, Diagnos
         let [a, b, c] = row.list()? else {
             return Err(row.error(format!("{} corners of a triangle", row.list()?.len())).help("three"));
         };
-        let mut corners = [0; 3];
-        for (corner, value) in corners.iter_mut().zip([a, b, c]) {
-            // Not negative, by the range.
-            *corner = value.i64_in(0..=models.len() as i64 - 1, "")? as usize;
+        // Not negative, by the range.
+        let corner = |value: &Value| Ok(value.i64_in(0..=models.len() as i64 - 1, "")? as usize);
+        let [a, b, c] = [corner(a)?, corner(b)?, corner(c)?];
+        if a == b || b == c || c == a {
+            return Err(row.error("a triangle with one corner twice").help("three models by number"));
         }
-        match corners {
-            [a, b, c] if a == b || b == c || c == a => {
-                Err(row.error("a triangle with one corner twice").help("three models by number"))
-            }
-            corners => Ok(corners),
-        }
+        Ok([a, b, c])
     };
     let given = rows.iter().map(corners).collect::<Result<Vec<[usize; 3]>, _>>()?;
     let points: Vec<[f64; 2]> = models.iter().map(Model::place).collect();

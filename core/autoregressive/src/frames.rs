@@ -26,11 +26,8 @@ impl Frames {
     /// A rate outside 100 Hz to 100 kHz.
     pub fn new(rate_hz: f64) -> Result<Self, Diagnostic> {
         if !RATES_HZ.contains(&rate_hz) {
-            return Err(Diagnostic::new(format!("a rate of {rate_hz} Hz")).help(format!(
-                "models run at {} to {} Hz",
-                RATES_HZ.start(),
-                RATES_HZ.end()
-            )));
+            let help = format!("models run at {} to {} Hz", RATES_HZ.start(), RATES_HZ.end());
+            return Err(Diagnostic::new(format!("a rate of {rate_hz} Hz")).help(help));
         }
         let window = hann::<f64>((rate_hz * WINDOW_S).round() as usize);
         let scale = (2.0 / window.iter().sum::<f64>()).powi(2);

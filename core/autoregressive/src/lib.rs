@@ -45,7 +45,6 @@ pub mod fit;
 mod frames;
 mod ladder;
 pub mod line_spectrum;
-mod polynomial;
 mod synthesis;
 mod texture;
 pub mod toolkit;
@@ -59,9 +58,8 @@ mod made_tests;
 mod testing;
 
 pub use file::{MAX_MODELS, TextureFile};
-pub use filter::{Filter, MAX_ORDER};
+pub use filter::{Filter, MAX_ORDER, is_stable};
 pub use frames::Frames;
-pub use polynomial::is_stable;
 pub use synthesis::Synthesis;
 pub use texture::{Model, Texture};
 pub use triangles::{Blend, Triangles};

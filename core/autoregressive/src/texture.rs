@@ -43,12 +43,8 @@ impl Model {
 
     /// The line spectral frequencies of both polynomials.
     fn lines(&self) -> Result<[Vec<f64>; 2], Diagnostic> {
-        for (name, value) in [
-            ("variance", self.variance),
-            ("gain", self.gain),
-            ("speed", self.speed_mm_s),
-            ("force", self.force_n),
-        ] {
+        let numbers = [self.variance, self.gain, self.speed_mm_s, self.force_n];
+        for (name, value) in ["variance", "gain", "speed", "force"].into_iter().zip(numbers) {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(Diagnostic::new(format!("the {name} of a model is {value}"))
                     .help("a finite number, 0 or more"));

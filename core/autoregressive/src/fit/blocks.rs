@@ -5,9 +5,8 @@ use std::ops::Range;
 use asperity_diagnostics::Diagnostic;
 
 use super::super::triangles::range;
-use super::burg::Fitted;
-use super::report::{Dropped, Segment, Why};
-use super::{Recording, Settings, prepared};
+use super::signal::prepared;
+use super::{Dropped, Recording, Segment, Settings, Why};
 
 /// Blocks a second.
 const BLOCKS_HZ: f64 = 100.0;
@@ -45,43 +44,37 @@ pub(super) struct Blocks {
 
 impl Blocks {
     pub(super) fn new(recording: &Recording<'_>, settings: &Settings) -> Result<Self, Diagnostic> {
-        let rate_hz = f64::from(settings.model_hz);
-        let rate_of_recording = recording.rate_hz.round();
+        let (rate_hz, recorded_hz) = (f64::from(settings.model_hz), recording.rate_hz.round());
         let len = (rate_hz / BLOCKS_HZ).round() as usize;
         let mut axes: Vec<Vec<f64>> = recording.acceleration_m_s2.iter().map(|axis| axis.to_vec()).collect();
         let samples = recording.force_n.len();
-        let count = (samples as f64 / rate_of_recording * rate_hz) as usize / len;
+        let count = (samples as f64 / recorded_hz * rate_hz) as usize / len;
         // Samples of the recording in a block.
-        let each = len as f64 / rate_hz * rate_of_recording;
+        let each = len as f64 / rate_hz * recorded_hz;
         let sample = |block: usize| ((block as f64 * each).round() as usize).min(samples);
         let spans: Vec<Range<usize>> = (0..count).map(|b| sample(b)..sample(b + 1)).collect();
         let mean = |channel: &[f64], span: &Range<usize>, of: fn(f64) -> f64| {
-            let part = channel.get(span.clone()).unwrap_or_default();
+            let part = &channel[span.clone()];
             part.iter().map(|x| of(*x)).sum::<f64>() / part.len().max(1) as f64
         };
-        let means: Vec<[f64; 2]> = spans
-            .iter()
-            .map(|span| [mean(recording.speed_mm_s, span, f64::abs), mean(recording.force_n, span, |f| f)])
-            .collect();
-        let smooth = (0..count)
-            .map(|b| average(&means[b.saturating_sub(SMOOTH / 2)..(b + SMOOTH / 2 + 1).min(count)]))
-            .collect();
+        let place = |span| [mean(recording.speed_mm_s, span, f64::abs), mean(recording.force_n, span, |f| f)];
+        let means: Vec<[f64; 2]> = spans.iter().map(place).collect();
+        let around = |b: usize| b.saturating_sub(SMOOTH / 2)..(b + SMOOTH / 2 + 1).min(count);
+        let smooth = (0..count).map(|b| average(&means[around(b)])).collect();
         let mut it = Self { rate_hz, len, signal: Vec::new(), means, smooth, why: vec![None; count] };
         let block = |sample: usize| ((sample as f64 / each) as usize).min(count);
         it.mark_stuck(&axes, recording.rate_hz, &block);
         it.mark_low(1, settings.least_force_n, Why::NoContact);
         it.mark_low(0, settings.least_speed_mm_s, Why::Slow);
         it.mark_clicks(&mut axes, &spans);
-        it.signal = prepared(axes, rate_of_recording, settings)?;
+        it.signal = prepared(axes, recorded_hz, settings)?;
         it.signal.resize(count * len, 0.0);
         Ok(it)
     }
 
-    /// Gives a reason to a block that has none.
-    fn mark(&mut self, block: usize, why: Why) {
-        if let Some(of_block) = self.why.get_mut(block) {
-            of_block.get_or_insert(why);
-        }
+    /// Gives a reason to those of some blocks that have none.
+    fn mark(&mut self, blocks: Range<usize>, why: Why) {
+        self.why.iter_mut().take(blocks.end).skip(blocks.start).for_each(|of| _ = of.get_or_insert(why));
     }
 
     /// Marks blocks where all axes stand still or one is at its limit.
@@ -89,29 +82,25 @@ impl Blocks {
         let mut still = vec![0; self.why.len()];
         let mut clipped = Vec::new();
         for axis in axes {
-            let mut of_axis = vec![false; self.why.len()];
+            let mut of_axis = vec![0; still.len()];
             for (run, why) in stuck(axis, rate_hz) {
-                let (first, last) = (block(run.start), block(run.end - 1));
+                let (first, end) = (block(run.start), block(run.end - 1) + 1);
                 match why {
-                    Why::Clipped => clipped.push(first.saturating_sub(GUARD)..last + GUARD + 1),
-                    _ => of_axis.iter_mut().take(last + 1).skip(first).for_each(|b| *b = true),
+                    Why::Clipped => clipped.push(first.saturating_sub(GUARD)..end + GUARD),
+                    _ => of_axis.iter_mut().take(end).skip(first).for_each(|b| *b = 1),
                 }
             }
-            still.iter_mut().zip(of_axis).for_each(|(axes, of_axis)| *axes += usize::from(of_axis));
+            still.iter_mut().zip(of_axis).for_each(|(axes, of_axis)| *axes += of_axis);
         }
-        for (b, count) in still.into_iter().enumerate() {
-            if count == axes.len() {
-                self.mark(b, Why::Still);
-            }
+        for (b, _) in still.into_iter().enumerate().filter(|(_, count)| *count == axes.len()) {
+            self.mark(b..b + 1, Why::Still);
         }
-        clipped.into_iter().flatten().for_each(|b| self.mark(b, Why::Clipped));
+        clipped.into_iter().for_each(|run| self.mark(run, Why::Clipped));
     }
 
     fn mark_low(&mut self, axis: usize, least: f64, why: Why) {
-        for b in 0..self.smooth.len() {
-            if self.smooth[b][axis] < least {
-                self.mark(b, why);
-            }
+        for (of, _) in self.why.iter_mut().zip(&self.smooth).filter(|(_, smooth)| smooth[axis] < least) {
+            of.get_or_insert(why);
         }
     }
 
@@ -141,19 +130,20 @@ impl Blocks {
         for run in clicks.chunk_by(|a, b| a + 1 == *b) {
             let (first, last) = (run[0], run[run.len() - 1]);
             axes.iter_mut().for_each(|axis| line(axis, spans[first].start, spans[last].end));
-            for near in first.saturating_sub(1)..=last + 1 {
-                self.mark(near, Why::Click);
-            }
+            self.mark(first.saturating_sub(1)..last + 2, Why::Click);
         }
     }
 
-    fn seconds(&self, blocks: usize) -> f64 {
+    pub(super) fn seconds(&self, blocks: usize) -> f64 {
         (blocks * self.len) as f64 / self.rate_hz
     }
 
+    pub(super) fn duration_s(&self) -> f64 {
+        self.seconds(self.why.len())
+    }
+
     /// Everything dropped, in order of time. Neighbours with one reason are joined.
-    pub(super) fn dropped(&self, others: Vec<(Span, Why)>) -> Vec<Dropped> {
-        let mut all = others;
+    pub(super) fn dropped(&self, mut all: Vec<(Span, Why)>) -> Vec<Dropped> {
         all.extend(self.spans().into_iter().filter_map(|(span, why)| Some((span, why?))));
         all.sort_by_key(|(span, _)| span.start);
         let joined = all.chunk_by(|(a, why), (b, other)| why == other && a.end == b.start);
@@ -170,15 +160,12 @@ impl Blocks {
     }
 
     fn spans(&self) -> Vec<(Span, Option<Why>)> {
-        let mut start = 0;
-        self.why
-            .chunk_by(|a, b| a == b)
-            .map(|run| {
-                let span = start..start + run.len();
-                start = span.end;
-                (span, run[0])
-            })
-            .collect()
+        let mut end = 0;
+        let span = |run: &[Option<Why>]| {
+            end += run.len();
+            (end - run.len()..end, run[0])
+        };
+        self.why.chunk_by(|a, b| a == b).map(span).collect()
     }
 
     /// Least number of blocks that last this long.
@@ -186,18 +173,14 @@ impl Blocks {
         ((seconds * self.rate_hz / self.len as f64 - 1e-9).ceil() as usize).max(1)
     }
 
-    pub(super) fn duration_s(&self) -> f64 {
-        self.seconds(self.why.len())
-    }
-
     /// Smoothed speeds and forces of some blocks.
     pub(super) fn smooth_of(&self, span: &Span) -> &[[f64; 2]] {
-        self.smooth.get(span.clone()).unwrap_or_default()
+        &self.smooth[span.clone()]
     }
 
     /// Samples of some blocks.
     pub(super) fn signal_of(&self, span: &Span) -> &[f64] {
-        self.signal.get(span.start * self.len..span.end * self.len).unwrap_or_default()
+        &self.signal[span.start * self.len..span.end * self.len]
     }
 
     /// Blocks of a segment.
@@ -208,25 +191,12 @@ impl Blocks {
 
     /// Mean speed and force of some blocks.
     pub(super) fn mean(&self, span: &Span) -> [f64; 2] {
-        average(self.means.get(span.clone()).unwrap_or_default())
+        average(&self.means[span.clone()])
     }
 
     /// The greatest speed and force of any block.
     pub(super) fn greatest(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.means.iter().map(|m| m[axis]).fold(f64::NEG_INFINITY, f64::max))
-    }
-
-    pub(super) fn segment(&self, span: &Span, fitted: &Fitted, model: usize) -> Segment {
-        let [speed_mm_s, force_n] = self.mean(span);
-        Segment {
-            start_s: self.seconds(span.start),
-            length_s: self.seconds(span.len()),
-            speed_mm_s,
-            force_n,
-            residual_variance: fitted.residual,
-            mean_square: fitted.mean_square,
-            model,
-        }
     }
 }
 
@@ -249,17 +219,16 @@ fn stuck(samples: &[f64], rate_hz: f64) -> Vec<(Range<usize>, Why)> {
     let [lowest, highest] = range(samples.iter().copied());
     let clipped = ((CLIPPED_S * rate_hz).ceil() as usize).max(3);
     let still = (STILL_S * rate_hz).ceil() as usize;
-    let mut start = 0;
-    let mut found = Vec::new();
-    for run in samples.chunk_by(|a, b| a == b) {
-        let place = start..start + run.len();
-        start = place.end;
+    let mut end = 0;
+    let kind = |run: &[f64]| {
+        end += run.len();
         let at_limit = highest > lowest && (run[0] == highest || run[0] == lowest);
-        if at_limit && run.len() >= clipped {
-            found.push((place, Why::Clipped));
-        } else if run.len() >= still {
-            found.push((place, Why::Still));
-        }
-    }
-    found
+        let why = match run.len() {
+            len if at_limit && len >= clipped => Why::Clipped,
+            len if len >= still => Why::Still,
+            _ => return None,
+        };
+        Some((end - run.len()..end, why))
+    };
+    samples.chunk_by(|a, b| a == b).filter_map(kind).collect()
 }

@@ -5,73 +5,52 @@ use std::f64::consts::TAU;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::filter::Section;
+use asperity_numbers::Random;
 
 use super::super::Filter;
 use super::blocks::{Blocks, Span};
-use super::{Criterion, Order, Settings, filter};
-use asperity_numbers::Random;
+use super::signal::filter;
+use super::{Criterion, Order, Settings};
 
 /// Seed of the noise that is put back.
 const SEED: u64 = 6;
-
 /// Least residual variance as a part of the mean square: below it is rounding.
 const NOTHING: f64 = 1e-10;
 /// Largest reflection coefficient. A signal without noise would give 1.
 const REFLECTION: f64 = 1.0 - 1e-12;
-
 /// Rounds to find the density below the high-pass. The first has no signal there.
 const ROUNDS: usize = 2;
 /// Largest part of the mean square to put back: beside a tone the density means nothing.
 const MOST_PUT_BACK: f64 = 0.5;
 
-/// The fit of a piece.
-pub(super) struct Fitted {
-    /// `a_1 .. a_p`, stable.
-    pub(super) ar: Vec<f64>,
-    /// Residual variance in (m/s^2)^2.
-    pub(super) residual: f64,
-    /// Mean square in (m/s^2)^2 of the fitted signal.
-    pub(super) mean_square: f64,
-}
-
-/// The fits of all pieces.
-pub(super) struct Fits {
-    pub(super) order: usize,
-    /// The criterion by order, minus its least value.
-    pub(super) criterion: Vec<(usize, f64)>,
-    /// A model for each piece.
-    pub(super) pieces: Vec<Fitted>,
-}
-
-/// Fits a model to each piece, all of one order.
-pub(super) fn fit(blocks: &Blocks, pieces: &[Span], settings: &Settings) -> Result<Fits, Diagnostic> {
-    let most = settings.order.most();
+/// Models of all orders of each piece.
+pub(super) fn lattices(
+    blocks: &Blocks,
+    pieces: &[Span],
+    settings: &Settings,
+) -> Result<Vec<Lattice>, Diagnostic> {
     let missing = missing(blocks, settings)?;
-    let lattices: Vec<Lattice> = pieces
-        .iter()
-        .map(|piece| {
-            let signal = blocks.signal_of(piece);
-            let start = piece.start * blocks.len;
-            let missing = missing.get(start..start + signal.len()).unwrap_or_default();
-            whole(signal, missing, TAU * 2.0 * settings.high_pass_hz / blocks.rate_hz, most)
-        })
-        .collect();
-    let (order, curve) = match settings.order {
-        Order::Given(order) => (order, Vec::new()),
-        Order::Best { most, by } => {
-            let sum = |p: usize| lattices.iter().map(|l| l.criterion(p, by)).sum::<f64>();
-            let mut curve: Vec<(usize, f64)> = (1..=most).map(|p| (p, sum(p))).collect();
-            let (best, least) = curve.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((1, 0.0));
-            curve.iter_mut().for_each(|(_, value)| *value -= least);
-            (best, curve)
-        }
+    let density_at = TAU * 2.0 * settings.high_pass_hz / blocks.rate_hz;
+    let lattice = |piece: &Span| {
+        let signal = blocks.signal_of(piece);
+        let start = piece.start * blocks.len;
+        let missing = missing.get(start..start + signal.len()).unwrap_or_default();
+        whole(signal, missing, density_at, settings.order.most())
     };
-    let fitted = lattices.iter().map(|l| Fitted {
-        ar: l.coefficients(order),
-        residual: l.residual(order),
-        mean_square: l.residual(0),
-    });
-    Ok(Fits { order, criterion: curve, pieces: fitted.collect() })
+    Ok(pieces.iter().map(lattice).collect())
+}
+
+/// The order for all pieces, and the criterion by order minus its least value.
+pub(super) fn order(lattices: &[Lattice], order: Order) -> (usize, Vec<(usize, f64)>) {
+    let (most, by) = match order {
+        Order::Given(order) => return (order, Vec::new()),
+        Order::Best { most, by } => (most, by),
+    };
+    let sum = |p: usize| lattices.iter().map(|l| l.criterion(p, by)).sum::<f64>();
+    let mut curve: Vec<(usize, f64)> = (1..=most).map(|p| (p, sum(p))).collect();
+    let (best, least) = curve.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((1, 0.0));
+    curve.iter_mut().for_each(|(_, value)| *value -= least);
+    (best, curve)
 }
 
 /// Noise of power 1 a sample through the low-pass of the power that the high-pass takes: `|L|^2 + |H|^2 = 1`
@@ -160,7 +139,7 @@ impl Lattice {
     }
 
     /// Levinson's step up from each order to the next.
-    fn coefficients(&self, order: usize) -> Vec<f64> {
+    pub(super) fn coefficients(&self, order: usize) -> Vec<f64> {
         let mut a: Vec<f64> = Vec::with_capacity(order);
         for &k in self.reflections.iter().take(order) {
             let lower = a.clone();
@@ -176,7 +155,6 @@ impl Lattice {
 mod tests {
     use super::super::super::is_stable;
     use super::*;
-    use asperity_numbers::Random;
 
     #[test]
     fn each_reflection_minimises_burgs_error() {

@@ -1,17 +1,18 @@
 //! Compares a texture with the recording that it was fitted to.
 
-use asperity_dsp::plans;
-use asperity_numbers::Elementary as _;
 use std::ops::Range;
 use std::sync::Arc;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::filter::Section;
+use asperity_dsp::plans;
 use asperity_dsp::window::hann;
+use asperity_numbers::Elementary as _;
 
 use super::super::{Synthesis, Texture};
 use super::blocks::Blocks;
-use super::{PASSBAND, Recording, Report, Settings, filter};
+use super::signal::{PASSBAND, filter};
+use super::{Recording, Report, Segment, Settings};
 
 /// Third-octave bands by number: 25 Hz to 400 Hz.
 const BANDS: std::ops::RangeInclusive<i32> = 14..=26;
@@ -61,9 +62,8 @@ pub struct Compared {
     pub seconds: f64,
     /// Bands from 25 Hz to 400 Hz, as far as the models' rate allows.
     pub bands: Vec<Band>,
-    /// Power density of the recording in (m/s^2)^2 / Hz, at 0 Hz,
-    /// [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ), .., as a mean over frames of 0.2 s. Empty where all
-    /// segments are shorter.
+    /// Power density of the recording in (m/s^2)^2 / Hz, at 0 Hz, [`DENSITY_STEP_HZ`](Self::DENSITY_STEP_HZ),
+    /// .., as a mean over frames of 0.2 s. Empty where all segments are shorter.
     pub density: Vec<f64>,
 }
 
@@ -108,23 +108,26 @@ impl Recording<'_> {
         let blocks = Blocks::new(self, settings)?;
         let passes = ((RENDERED_S / blocks.duration_s().max(1e-3)).ceil() as usize).clamp(1, MOST_PASSES);
         let mut synthesis = Synthesis::new(texture.clone(), SEED);
-        let mut meter = Meter::new(blocks.rate_hz);
+        let meter = Meter::new(blocks.rate_hz);
         let samples = blocks.signal.len();
+        // Of each model, then of all.
         let count = texture.models().len();
-        let mut sums = vec![Sums::new(&meter); count];
-        let sample = |block: usize| (block * blocks.len).min(samples);
+        let mut sums = vec![Sums::new(&meter); count + 1];
+        let part = |segment: &Segment| {
+            let Range { start, end } = blocks.span(segment);
+            (start * blocks.len).min(samples)..(end * blocks.len).min(samples)
+        };
         let known = report.segments.iter().filter(|segment| segment.model < count);
-        let parts = known.map(|segment| {
-            let span = blocks.span(segment);
-            (segment.model, sample(span.start)..sample(span.end))
-        });
-        let parts: Vec<(usize, Range<usize>)> = parts.collect();
+        let parts: Vec<(usize, Range<usize>)> = known.map(|s| (s.model, part(s))).collect();
         for (model, part) in &parts {
-            let sums = &mut sums[*model];
-            sums.seconds += part.len() as f64 / blocks.rate_hz;
             let signal = &blocks.signal[part.clone()];
-            meter.add(signal, 1.0, &mut sums.recorded);
-            meter.add_density(signal, sums);
+            let (bands, (density, frames)) = (meter.bands(signal), meter.densities(signal));
+            for i in [*model, count] {
+                sums[i].seconds += part.len() as f64 / blocks.rate_hz;
+                add(&mut sums[i].recorded, &bands, 1.0);
+                add(&mut sums[i].density, &density, 1.0);
+                sums[i].frames += frames;
+            }
         }
         let mut signal = vec![0.0f32; samples];
         for pass in 0..passes {
@@ -137,17 +140,20 @@ impl Recording<'_> {
                 filter(&mut rendered, Section::high_pass, blocks.rate_hz, settings.high_pass_hz)?;
             }
             for (model, part) in &parts {
-                let part = rendered.get(part.clone()).unwrap_or_default();
-                meter.add(part, 1.0 / passes as f64, &mut sums[*model].rendered);
+                let bands = meter.bands(&rendered[part.clone()]);
+                for i in [*model, count] {
+                    add(&mut sums[i].rendered, &bands, 1.0 / passes as f64);
+                }
             }
         }
-        let mut all = Sums::new(&meter);
-        sums.iter().for_each(|s| all.take_in(s));
-        Ok(Comparison {
-            all: all.compared(&meter),
-            models: sums.iter().map(|s| s.compared(&meter)).collect(),
-        })
+        let mut models: Vec<Compared> = sums.iter().map(|s| s.compared(&meter)).collect();
+        let all = models.swap_remove(count);
+        Ok(Comparison { all, models })
     }
+}
+
+fn add(to: &mut [f64], from: &[f64], weight: f64) {
+    to.iter_mut().zip(from).for_each(|(sum, x)| *sum += weight * x);
 }
 
 /// Power by bands and by frequency.
@@ -164,7 +170,7 @@ impl Meter {
     }
 
     /// Power of a signal by bins of its transform, and the distance of bins in Hz.
-    fn squares(&mut self, signal: &[f64]) -> (Vec<f64>, f64) {
+    fn squares(&self, signal: &[f64]) -> (Vec<f64>, f64) {
         let len = signal.len();
         let window = hann::<f64>(len);
         let windowed = signal.iter().zip(&window).map(|(x, w)| x * w);
@@ -173,21 +179,22 @@ impl Meter {
         (spectrum.iter().map(|x| scale * x.norm_sqr()).collect(), self.rate_hz / len as f64)
     }
 
-    /// Adds the power of a part by bands, times its length and a weight: a mean over frames of a
-    /// second. They overlap by half or more, so that every sample counts.
-    fn add(&mut self, signal: &[f64], weight: f64, bands: &mut [f64]) {
+    /// Power of a part by bands, times its length: a mean over frames of a second. They overlap by half or
+    /// more, so that every sample counts.
+    fn bands(&self, signal: &[f64]) -> Vec<f64> {
+        let mut bands = vec![0.0; self.centres_hz.len()];
         let len = signal.len().min(self.rate_hz.round() as usize);
         if len < 2 {
-            return;
+            return bands;
         }
         let (rest, hop) = (signal.len() - len, (len / 2).max(1));
         let steps = rest.div_ceil(hop);
-        let weight = weight * signal.len() as f64 / (steps + 1) as f64;
+        let weight = signal.len() as f64 / (steps + 1) as f64;
         for step in 0..=steps {
             // From the first sample to the last.
             let start = rest * step / steps.max(1);
-            let (squares, step_hz) = self.squares(signal.get(start..start + len).unwrap_or_default());
-            for (centre, sum) in self.centres_hz.iter().zip(bands.iter_mut()) {
+            let (squares, step_hz) = self.squares(&signal[start..start + len]);
+            for (centre, sum) in self.centres_hz.iter().zip(&mut bands) {
                 let edge = |by: f64| centre * 10f64.power(by) / step_hz;
                 // A bin reaches half a step to either side.
                 let (low, high) = (edge(-0.05), edge(0.05));
@@ -197,25 +204,28 @@ impl Meter {
                 }
             }
         }
+        bands
     }
 
-    /// Adds the density of a part, frame by frame.
-    fn add_density(&mut self, signal: &[f64], sums: &mut Sums) {
-        let len = self.frame();
-        for frame in signal.windows(len).step_by((len / 2).max(1)) {
+    /// Sum of a part's densities over frames, and how many frames there are.
+    fn densities(&self, signal: &[f64]) -> (Vec<f64>, usize) {
+        let len = self.density_len();
+        let mut sum = vec![0.0; len / 2 + 1];
+        let frames = signal.windows(len).step_by((len / 2).max(1));
+        let count = frames.clone().count();
+        for frame in frames {
             let (squares, step_hz) = self.squares(frame);
-            sums.frames += 1;
-            sums.density.resize(squares.len(), 0.0);
-            sums.density.iter_mut().zip(squares).for_each(|(sum, x)| *sum += x / step_hz);
+            add(&mut sum, &squares, 1.0 / step_hz);
         }
+        (sum, count)
     }
 
-    fn frame(&self) -> usize {
+    fn density_len(&self) -> usize {
         (self.rate_hz / Compared::DENSITY_STEP_HZ).round() as usize
     }
 }
 
-/// Power by bands of all parts, each times its length.
+/// Power by bands of all parts, each times its length, and densities of all frames.
 #[derive(Clone)]
 struct Sums {
     seconds: f64,
@@ -228,32 +238,23 @@ struct Sums {
 impl Sums {
     fn new(meter: &Meter) -> Self {
         let none = vec![0.0; meter.centres_hz.len()];
-        Self { seconds: 0.0, recorded: none.clone(), rendered: none, density: Vec::new(), frames: 0 }
-    }
-
-    fn take_in(&mut self, other: &Self) {
-        let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(x, y)| *x += y);
-        self.seconds += other.seconds;
-        self.frames += other.frames;
-        self.density.resize(self.density.len().max(other.density.len()), 0.0);
-        add(&mut self.density, &other.density);
-        add(&mut self.recorded, &other.recorded);
-        add(&mut self.rendered, &other.rendered);
+        let density = vec![0.0; meter.density_len() / 2 + 1];
+        Self { seconds: 0.0, recorded: none.clone(), rendered: none, density, frames: 0 }
     }
 
     fn compared(&self, meter: &Meter) -> Compared {
         let samples = (self.seconds * meter.rate_hz).max(1.0);
-        let bands = meter.centres_hz.iter().zip(self.recorded.iter().zip(&self.rendered));
+        let powers = self.recorded.iter().zip(&self.rendered);
+        let band = |(centre_hz, (recorded, rendered)): (&f64, (&f64, &f64))| Band {
+            centre_hz: *centre_hz,
+            recorded_m_s2: (recorded / samples).sqrt(),
+            rendered_m_s2: (rendered / samples).sqrt(),
+        };
+        let known = if self.frames > 0 { &self.density[..] } else { &[] };
         Compared {
             seconds: self.seconds,
-            bands: bands
-                .map(|(centre_hz, (recorded, rendered))| Band {
-                    centre_hz: *centre_hz,
-                    recorded_m_s2: (recorded / samples).sqrt(),
-                    rendered_m_s2: (rendered / samples).sqrt(),
-                })
-                .collect(),
-            density: self.density.iter().map(|x| x / self.frames.max(1) as f64).collect(),
+            bands: meter.centres_hz.iter().zip(powers).map(band).collect(),
+            density: known.iter().map(|x| x / self.frames as f64).collect(),
         }
     }
 }
@@ -267,14 +268,12 @@ mod tests {
     #[test]
     fn level_deviates_as_time_and_width_say() {
         let mut random = Random::new(3);
-        let mut meter = Meter::new(1000.0);
+        let meter = Meter::new(1000.0);
         let (seconds, draws) = (6, 300);
         let all: Vec<Vec<f64>> = (0..draws)
             .map(|_| {
                 let signal: Vec<f64> = (0..1000 * seconds).map(|_| random.normal()).collect();
-                let mut bands = vec![0.0; meter.centres_hz.len()];
-                meter.add(&signal, 1.0, &mut bands);
-                bands.iter().map(|b| b / signal.len() as f64).collect()
+                meter.bands(&signal).iter().map(|b| b / signal.len() as f64).collect()
             })
             .collect();
         for (number, centre_hz) in meter.centres_hz.iter().enumerate() {
@@ -293,16 +292,15 @@ mod tests {
 
     #[test]
     fn meter_counts_every_sample_and_measures_a_tone() {
-        let mut meter = Meter::new(1000.0);
+        let meter = Meter::new(1000.0);
         for len in [2, 150, 999, 1000, 1001, 1499, 2750] {
-            let mut bands = vec![0.0; meter.centres_hz.len()];
             let tone: Vec<f64> =
                 (0..len).map(|n| (0.2 * std::f64::consts::PI * f64::from(n)).sin()).collect();
-            meter.add(&tone, 2.0, &mut bands);
+            let bands = meter.bands(&tone);
             assert!(bands.iter().all(|b| b.is_finite()));
             if len > 500 {
                 // 100 Hz; a sine has a mean square of a half.
-                let off = bands[6] / f64::from(len) - 1.0;
+                let off = 2.0 * bands[6] / f64::from(len) - 1.0;
                 assert!(off.abs() < 0.01, "{len}: {off}");
             }
         }
@@ -310,9 +308,7 @@ mod tests {
         for at in [40, 1500, 2700] {
             let mut click = vec![0.0; 2750];
             click[at] = 1.0;
-            let mut bands = vec![0.0; meter.centres_hz.len()];
-            meter.add(&click, 1.0, &mut bands);
-            assert!(bands.iter().all(|b| *b > 0.0), "{at}");
+            assert!(meter.bands(&click).iter().all(|b| *b > 0.0), "{at}");
         }
     }
 }

@@ -3,8 +3,7 @@
 use super::super::triangles::range;
 use super::blocks::{Blocks, Span};
 use super::burg::Lattice;
-use super::report::Why;
-use super::{Settings, Tolerance};
+use super::{Settings, Tolerance, Why};
 use asperity_numbers::Elementary as _;
 
 /// Order of the models that compare spectra.
@@ -251,29 +250,6 @@ mod tests {
                 assert_eq!(found.is_some(), told, "{ratio}, seed {seed}: {found:?}");
                 assert!(found.is_none_or(|cut| cut.abs_diff(400) < 60), "{found:?}");
             }
-        }
-    }
-
-    #[test]
-    fn best_cut_is_the_best_of_all() {
-        let mut random = Random::new(2);
-        let values: Vec<[f64; 2]> =
-            (0..80).map(|i| [random.range(10.0, 20.0) + f64::from(i / 30) * 20.0, random.unit()]).collect();
-        let sums = Sums::new(&values);
-        let scatter = |part: &[[f64; 2]]| -> f64 {
-            [10.0, 0.1]
-                .iter()
-                .enumerate()
-                .map(|(axis, scale): (usize, &f64)| {
-                    let mean = part.iter().map(|v| v[axis]).sum::<f64>() / part.len() as f64;
-                    part.iter().map(|v| ((v[axis] - mean) / scale).powi(2)).sum::<f64>()
-                })
-                .sum()
-        };
-        for part in [0..80, 10..55, 3..7] {
-            let cost = |cut: usize| scatter(&values[part.start..cut]) + scatter(&values[cut..part.end]);
-            let want = (part.start + 2..part.end - 1).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
-            assert_eq!(sums.best_cut(&part, [10.0, 0.1]), want);
         }
     }
 }

@@ -1,73 +1,53 @@
-//! Fits a texture to a recording of force, speed and acceleration, as in Culbertson, Unwin and
-//! Kuchenbecker 2014 ("Modeling and rendering realistic textures from unconstrained tool-surface
-//! interactions"): cut where it changes, fit each piece, merge pieces at one speed and force into a
-//! model, join the models by triangles.
+//! Fits a texture to a recording of force, speed and acceleration, as in Culbertson, Unwin and Kuchenbecker
+//! 2014 ("Modeling and rendering realistic textures from unconstrained tool-surface interactions"): cut where
+//! it changes, fit each piece, merge pieces at one speed and force into a model, join the models by
+//! triangles.
 //!
-//! # Steps of a fit
+//! `docs/autoregressive.md` lists the steps. In detail:
 //!
-//! 1. The recording is looked at in blocks of 10 ms. Blocks are dropped in this order. Still: no axis
-//!    changes for 20 ms. Clipped: one axis stays at its highest or lowest value for 1 ms; three blocks
-//!    before and behind go too. No contact, then slow: the mean of five blocks of the force, then of the
-//!    speed, is too low. Clicks: at most 50 ms within a second in which the power of the signal's
-//!    differences is 20 dB above that second's median; a block before and behind goes too. A straight line
-//!    replaces a click, so that no filter rings.
-//! 2. The acceleration goes through a Butterworth high-pass of fourth order, by default at 10 Hz: slower
-//!    parts are the hand's motion and gravity. Several axes become one signal after DFT321 (Landin, Romano,
-//!    McMahan and Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for haptic
-//!    rendering"), with the phase of the loudest axis and not of the sum, in which axes may cancel, in
-//!    frames of 0.1 s. [`asperity_dsp::resample`] then brings the signal to the models' rate, by default 1
-//!    kHz.
-//! 3. The rest is cut into stretches of nearly constant speed and force. While either leaves its tolerance
-//!    around the middle of its range, the stretch is cut where the sum of squares gets least (binary
-//!    segmentation, Vostrikova 1981).
-//! 4. Each stretch is cut where its spectrum changes, by the generalised likelihood ratio of autoregressive
-//!    models (Appel and Brandt 1983), again by binary segmentation: where `n ln s0^2 - n1 ln s1^2 - n2 ln
-//!    s2^2 > (8 + 2) ln n`, Schwarz's criterion, with `s^2` the residual variance of a model of order 8 over
-//!    all samples and over those on either side. A residual more than 40 dB below the signal counts as that.
-//! 5. The power that the high-pass took is put back as noise through a low-pass of the same corner, as if the
-//!    spectrum were level below twice the corner. Otherwise the high-pass would be fitted too.
-//! 6. Burg's method (1975) fits stable models of each order to each piece. One order serves all pieces: that
-//!    with the least sum of the [criterion](Criterion).
-//! 7. Resonances narrower than 0.3 Hz are widened to that, so that a pure tone has a model too.
-//! 8. Pieces that differ by less than the tolerances in speed and force are merged, the longest first. Line
-//!    spectral frequencies, speed, force and mean square become means, weighted by length. A piece less than
-//!    a tenth as long as one within three tolerances is the way to or from it: it joins that model but does
-//!    not count.
-//! 9. Delaunay's triangulation joins the models, without border triangles thinner than a hundredth of their
-//!    length: beyond three models of nearly equal force the nearest counts.
+//! - Blocks of 10 ms are dropped in this order. Still: no axis changes for 20 ms. Clipped: one axis stays at
+//!   its highest or lowest value for 1 ms; three blocks before and behind go too. No contact, then slow: the
+//!   mean of five blocks is too low. Clicks: at most 50 ms within a second in which the power of the signal's
+//!   differences is 20 dB above that second's median; a block before and behind goes too. A straight line
+//!   replaces a click, so that no filter rings.
+//! - Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional
+//!   reduction of high-frequency accelerations for haptic rendering"), with the phase of the loudest axis and
+//!   not of the sum, in which axes may cancel.
+//! - Stretches are cut by binary segmentation (Vostrikova 1981): by speed and force where the sum of squares
+//!   gets least, then by spectrum where `n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n` (Appel and
+//!   Brandt 1983, with Schwarz's criterion). `s^2` is the residual variance of a model of order 8 over all
+//!   samples and over those on either side. A residual more than 40 dB below the signal counts as that.
+//! - The power that the high-pass took is put back as noise through a low-pass of the same corner, as if the
+//!   spectrum were level below twice the corner. Otherwise the high-pass would be fitted too.
+//! - Resonances narrower than 0.3 Hz are widened to that, so that a pure tone has a model too.
+//! - Border triangles thinner than a hundredth of their length are left out: beyond three models of nearly
+//!   equal force the nearest counts.
 //!
 //! Fitted models have no moving-average part (q = 0). [`Recording::compare`] tells how good a fit is.
 //!
 //! On a virtual AMD EPYC core a minute of recording takes 25 ms at 1 kHz and 60 ms at 10 kHz.
 
-mod axes;
 mod blocks;
-mod border;
 mod burg;
 mod compare;
 mod corners;
 mod cut;
-mod report;
+mod signal;
 
-use asperity_numbers::Elementary as _;
-use std::f64::consts::PI;
+use std::fmt;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_dsp::filter::Section;
-use asperity_dsp::resample::{Conversion, FilterPhase, Resampler};
-
-use super::{MAX_ORDER, Texture};
 use asperity_motion::{MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
 
+use super::{MAX_ORDER, Texture};
+use blocks::Blocks;
+
 pub use compare::{Band, Compared, Comparison};
-pub use report::{Dropped, Report, Segment, Why};
 
 /// Rates of recordings in Hz.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 1000.0..=10_000.0;
 /// Largest acceleration in m/s^2, either sign.
 const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
-/// Passband of the resampler as a part of the models' rate: the most it can.
-const PASSBAND: f64 = 0.48;
 /// Least samples of a piece for each coefficient.
 const SAMPLES_A_COEFFICIENT: f64 = 4.0;
 
@@ -119,7 +99,6 @@ impl Order {
     }
 }
 
-/// Largest distance from the middle of the range for a constant speed or force, and largest difference
 /// Largest distance from the middle of the range for a constant speed or force, and largest difference
 /// between equal ones: the larger of an absolute and a relative limit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -179,6 +158,101 @@ impl Default for Settings {
     }
 }
 
+/// A fitted piece.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Segment {
+    /// Start in s from the recording's beginning.
+    pub start_s: f64,
+    /// Length in s.
+    pub length_s: f64,
+    /// Its mean speed in mm/s.
+    pub speed_mm_s: f64,
+    /// Its mean force in N.
+    pub force_n: f64,
+    /// Variance in (m/s^2)^2 that its own model of the chosen order leaves unexplained.
+    pub residual_variance: f64,
+    /// Mean square in (m/s^2)^2, with the power that the high-pass took.
+    pub mean_square: f64,
+    /// Number of its model, from 0.
+    pub model: usize,
+}
+
+/// Reason for dropping a stretch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Why {
+    /// The acceleration does not change.
+    Still,
+    /// The acceleration stays at its highest or lowest value.
+    Clipped,
+    /// Too little force.
+    NoContact,
+    /// Too slow.
+    Slow,
+    /// A click.
+    Click,
+    /// Speed or force change too fast.
+    Unsteady,
+    /// Shorter than the shortest piece.
+    Short,
+}
+
+impl Why {
+    /// All reasons.
+    pub const ALL: [Self; 7] =
+        [Self::Still, Self::Clipped, Self::NoContact, Self::Slow, Self::Click, Self::Unsteady, Self::Short];
+}
+
+impl fmt::Display for Why {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Still => "without a change of acceleration",
+            Self::Clipped => "with the acceleration at its limit",
+            Self::NoContact => "without contact",
+            Self::Slow => "too slow",
+            Self::Click => "around clicks",
+            Self::Unsteady => "with speed or force changing",
+            Self::Short => "too short between others",
+        })
+    }
+}
+
+/// A dropped stretch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Dropped {
+    /// Start in s from the recording's beginning.
+    pub start_s: f64,
+    /// Length in s.
+    pub length_s: f64,
+    /// Reason.
+    pub why: Why,
+}
+
+/// Report of a fit. Each 10 ms of the recording belong to a segment or a dropped stretch.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Report {
+    /// Length of the recording in whole blocks of 10 ms, in s.
+    pub duration_s: f64,
+    /// Rate of the models in Hz.
+    pub model_hz: f64,
+    /// Corner of the high-pass in Hz.
+    pub high_pass_hz: f64,
+    /// The models' order.
+    pub order: usize,
+    /// Orders and their criterion, shifted so that the least is 0. Empty where the order was given.
+    pub criterion: Vec<(usize, f64)>,
+    /// Fitted pieces, in order of time.
+    pub segments: Vec<Segment>,
+    /// Dropped stretches, in order of time.
+    pub dropped: Vec<Dropped>,
+}
+
+impl Report {
+    /// Time dropped for a reason, in s.
+    pub fn dropped_s(&self, why: Why) -> f64 {
+        self.dropped.iter().filter(|d| d.why == why).map(|d| d.length_s).sum()
+    }
+}
+
 impl Recording<'_> {
     /// Fits a texture. The same recording and settings give the same bits.
     ///
@@ -189,30 +263,45 @@ impl Recording<'_> {
     pub fn fit(&self, settings: &Settings) -> Result<(Texture, Report), Diagnostic> {
         settings.check()?;
         self.check(settings)?;
-        let rate_hz = f64::from(settings.model_hz);
-        let blocks = blocks::Blocks::new(self, settings)?;
-        let mut dropped = Vec::new();
-        let mut pieces = Vec::new();
+        let blocks = Blocks::new(self, settings)?;
+        let (mut dropped, mut pieces) = (Vec::new(), Vec::new());
         for run in blocks.runs() {
             for steady in cut::steady(&blocks, run, settings, &mut dropped) {
                 cut::stationary(&blocks, steady, settings, &mut pieces);
             }
         }
-        let dropped = blocks.dropped(dropped);
+        let mut report = Report {
+            duration_s: blocks.duration_s(),
+            model_hz: blocks.rate_hz,
+            high_pass_hz: settings.high_pass_hz,
+            order: 0,
+            criterion: Vec::new(),
+            segments: Vec::new(),
+            dropped: blocks.dropped(dropped),
+        };
         if pieces.is_empty() {
-            return Err(nothing(&blocks, &dropped, settings));
+            return Err(nothing(&blocks, &report, settings));
         }
-        let fits = burg::fit(&blocks, &pieces, settings)?;
-        let (models, owners) = corners::merge(&blocks, &pieces, &fits.pieces, settings);
-        let owned = pieces.iter().zip(&fits.pieces).zip(owners);
-        let segments = owned.map(|((piece, fitted), model)| blocks.segment(piece, fitted, model)).collect();
-        let triangles = border::triangles(&models);
-        let texture = Texture::new(rate_hz, models, Some(&triangles))?;
-        let (duration_s, high_pass_hz) = (blocks.duration_s(), settings.high_pass_hz);
-        let burg::Fits { order, criterion, .. } = fits;
-        let report =
-            Report { duration_s, model_hz: rate_hz, high_pass_hz, order, criterion, segments, dropped };
-        Ok((texture, report))
+        let lattices = burg::lattices(&blocks, &pieces, settings)?;
+        (report.order, report.criterion) = burg::order(&lattices, settings.order);
+        let (models, owners) = corners::merge(&blocks, &pieces, &lattices, report.order, settings);
+        let owned = pieces.iter().zip(&lattices).zip(owners);
+        report.segments = owned
+            .map(|((piece, lattice), model)| {
+                let [speed_mm_s, force_n] = blocks.mean(piece);
+                Segment {
+                    start_s: blocks.seconds(piece.start),
+                    length_s: blocks.seconds(piece.len()),
+                    speed_mm_s,
+                    force_n,
+                    residual_variance: lattice.residual(report.order),
+                    mean_square: lattice.residual(0),
+                    model,
+                }
+            })
+            .collect();
+        let triangles = corners::triangles(&models);
+        Ok((Texture::new(blocks.rate_hz, models, Some(&triangles))?, report))
     }
 
     fn check(&self, settings: &Settings) -> Result<(), Diagnostic> {
@@ -241,9 +330,9 @@ impl Recording<'_> {
         }
         for (name, samples, limit, unit) in channels {
             // NaN is in no range.
-            if let Some(at) = samples.iter().position(|x| !(-limit..=limit).contains(x)) {
-                let (x, t) = (samples[at], at as f64 / self.rate_hz);
-                let what = format!("the {name} is {x} at sample {at}, at {t:.4} s");
+            let bad = samples.iter().enumerate().find(|(_, x)| !(-limit..=limit).contains(*x));
+            if let Some((at, x)) = bad {
+                let what = format!("the {name} is {x} at sample {at}, at {:.4} s", at as f64 / self.rate_hz);
                 return refuse(what, format!("a finite number between -{limit} and {limit} {unit}"));
             }
         }
@@ -289,15 +378,12 @@ impl Settings {
 }
 
 /// The error where no piece is left.
-fn nothing(blocks: &blocks::Blocks, dropped: &[Dropped], settings: &Settings) -> Diagnostic {
-    let parts: Vec<String> = Why::ALL
-        .iter()
-        .map(|&why| (why, report::dropped_s(dropped, why)))
-        .filter(|(_, seconds)| *seconds > 0.0)
-        .map(|(why, seconds)| format!("{seconds:.2} s {why}"))
-        .collect();
+fn nothing(blocks: &Blocks, report: &Report, settings: &Settings) -> Diagnostic {
+    let dropped = Why::ALL.iter().map(|&why| (why, report.dropped_s(why)));
+    let dropped = dropped.filter(|(_, seconds)| *seconds > 0.0);
+    let parts: Vec<String> = dropped.map(|(why, seconds)| format!("{seconds:.2} s {why}")).collect();
     let [speed, force] = blocks.greatest();
-    let help = if report::dropped_s(dropped, Why::Still) > 0.9 * blocks.duration_s() {
+    let help = if report.dropped_s(Why::Still) > 0.9 * report.duration_s {
         "the acceleration never changes: is it the right channel?".to_owned()
     } else if force < settings.least_force_n {
         format!("the force is {force:.4} N at most: is it in N, and counted positive into the surface?")
@@ -308,56 +394,6 @@ fn nothing(blocks: &blocks::Blocks, dropped: &[Dropped], settings: &Settings) ->
     };
     Diagnostic::new(format!("no stretch of {} s to fit: {}", settings.shortest_s, parts.join(", ")))
         .help(help)
-}
-
-/// A Butterworth filter of fourth order from two second-order sections.
-fn filter(
-    signal: &mut [f64],
-    section: fn(f64, f64) -> Section,
-    rate_hz: f64,
-    corner_hz: f64,
-) -> Result<(), Diagnostic> {
-    for angle in [PI / 8.0, 3.0 * PI / 8.0] {
-        section(corner_hz, angle.cosine())
-            .bilinear(rate_hz, corner_hz)
-            .map_err(|e| Diagnostic::new(e.to_string()))?
-            .process_in_place(signal);
-    }
-    Ok(())
-}
-
-/// Removes slow motion, from rest.
-fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
-    if settings.high_pass_hz > 0.0 {
-        let first = signal.first().copied().unwrap_or(0.0);
-        signal.iter_mut().for_each(|x| *x -= first);
-        filter(&mut signal, Section::high_pass, rate_hz, settings.high_pass_hz)?;
-    }
-    Ok(signal)
-}
-
-/// The acceleration as one signal at the models' rate without slow motion. `rate` is a whole number.
-fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
-    let axes = axes.into_iter().map(|axis| high_passed(axis, rate, settings)).collect::<Result<_, _>>()?;
-    let mut signal = axes::joined(axes, rate);
-    // In range: checked before.
-    let (in_hz, out_hz) = (rate as u32, settings.model_hz);
-    if in_hz == out_hz {
-        return Ok(signal);
-    }
-    let phase = FilterPhase::Linear;
-    let conversion = Conversion { in_hz, out_hz, tick_num: 1, tick_den: 1, passband: PASSBAND, phase };
-    let mut resampler = Resampler::<f64>::new(&conversion).map_err(|e| Diagnostic::new(e.to_string()))?;
-    let (num, den) = resampler.latency();
-    let late = num as f64 / den as f64;
-    let len = (signal.len() as f64 / rate * f64::from(out_hz)) as usize;
-    // The output is late. Silence behind the recording pushes the last of it out.
-    let skip = (late * f64::from(out_hz)).round() as usize;
-    signal.resize(signal.len() + ((late + 1.0) * rate).ceil() as usize, 0.0);
-    let mut out = vec![0.0; skip + len];
-    resampler.process(0, &signal, 0, &mut out);
-    out.drain(..skip);
-    Ok(out)
 }
 
 #[cfg(test)]

@@ -1,17 +1,76 @@
-//! Joins several axes of acceleration into one signal.
+//! The acceleration as one signal at the models' rate.
 
-use asperity_dsp::plans::Transform;
-use asperity_numbers::Elementary as _;
 use std::f64::consts::PI;
+
+use asperity_diagnostics::Diagnostic;
+use asperity_dsp::filter::Section;
+use asperity_dsp::plans::Transform;
+use asperity_dsp::resample::{Conversion, FilterPhase, Resampler};
+use asperity_numbers::Elementary as _;
+
+use super::Settings;
+
+/// Passband of the resampler as a part of the models' rate: the most it can.
+pub(super) const PASSBAND: f64 = 0.48;
 
 /// Frames a second, not counting their overlap by half.
 const FRAMES_HZ: f64 = 10.0;
 /// Least power to divide by.
 const NOTHING: f64 = 1e-200;
 
+/// A Butterworth filter of fourth order from two second-order sections.
+pub(super) fn filter(
+    signal: &mut [f64],
+    section: fn(f64, f64) -> Section,
+    rate_hz: f64,
+    corner_hz: f64,
+) -> Result<(), Diagnostic> {
+    for angle in [PI / 8.0, 3.0 * PI / 8.0] {
+        section(corner_hz, angle.cosine())
+            .bilinear(rate_hz, corner_hz)
+            .map_err(|e| Diagnostic::new(e.to_string()))?
+            .process_in_place(signal);
+    }
+    Ok(())
+}
+
+/// Removes slow motion, from rest.
+fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
+    if settings.high_pass_hz > 0.0 {
+        let first = signal.first().copied().unwrap_or(0.0);
+        signal.iter_mut().for_each(|x| *x -= first);
+        filter(&mut signal, Section::high_pass, rate_hz, settings.high_pass_hz)?;
+    }
+    Ok(signal)
+}
+
+/// The acceleration as one signal at the models' rate without slow motion. `rate` is a whole number.
+pub(super) fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
+    let axes = axes.into_iter().map(|axis| high_passed(axis, rate, settings)).collect::<Result<_, _>>()?;
+    let mut signal = joined(axes, rate);
+    // In range: checked before.
+    let (in_hz, out_hz) = (rate as u32, settings.model_hz);
+    if in_hz == out_hz {
+        return Ok(signal);
+    }
+    let phase = FilterPhase::Linear;
+    let conversion = Conversion { in_hz, out_hz, tick_num: 1, tick_den: 1, passband: PASSBAND, phase };
+    let mut resampler = Resampler::<f64>::new(&conversion).map_err(|e| Diagnostic::new(e.to_string()))?;
+    let (num, den) = resampler.latency();
+    let late = num as f64 / den as f64;
+    let len = (signal.len() as f64 / rate * f64::from(out_hz)) as usize;
+    // The output is late. Silence behind the recording pushes the last of it out.
+    let skip = (late * f64::from(out_hz)).round() as usize;
+    signal.resize(signal.len() + ((late + 1.0) * rate).ceil() as usize, 0.0);
+    let mut out = vec![0.0; skip + len];
+    resampler.process(0, &signal, 0, &mut out);
+    out.drain(..skip);
+    Ok(out)
+}
+
 /// One signal. In each frame its spectrum has the power of all axes together and the phases of the axis
 /// that is loudest overall. A single axis stays as it is. Axes have one length.
-pub(super) fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Vec<f64> {
+fn joined(mut axes: Vec<Vec<f64>>, rate_hz: f64) -> Vec<f64> {
     let power = |axis: &[f64]| axis.iter().map(|x| x * x).sum::<f64>();
     let loudest = (0..axes.len()).max_by(|a, b| power(&axes[*a]).total_cmp(&power(&axes[*b])));
     let Some(loudest) = loudest else { return Vec::new() };
