@@ -83,11 +83,6 @@ impl Dynamics {
         self.damping / (2.0 * self.reduced_mass() * self.natural_rad_s())
     }
 
-    /// x/I \[m/A\]: displacement of the mover relative to the handle.
-    pub fn displacement_per_current(&self) -> Section {
-        Section { num: [0.0, 0.0, self.force_factor / self.reduced_mass()], den: self.characteristic() }
-    }
-
     /// A/I \[m/s^2 per A\]: acceleration of the handle.
     pub fn acceleration_per_current(&self) -> Section {
         Section { num: [-self.force_factor / self.handle_mass, 0.0, 0.0], den: self.characteristic() }

@@ -1,19 +1,18 @@
 //! The inverse: from a wanted acceleration of the handle to a current or voltage.
 //!
-//! A/I has a double zero at s = 0: an actuator on a free handle cannot push for ever. So the inverse
-//! does not use a double pole at 0, but a second-order pole near 20 Hz (w_c, zeta_c). A wanted A* then
-//! gives
+//! A/I has a double zero at s = 0: an actuator on a free handle cannot push for ever. So the inverse does not
+//! use a double pole at 0, but a second-order pole near 20 Hz (w_c, zeta_c). A wanted A* then gives
 //!
 //! ```text
 //! I/A* = -(m_h / k_f) (s^2 + 2 zeta w_n s + w_n^2) / (s^2 + 2 zeta_c w_c s + w_c^2)
 //! A/A* = s^2 / (s^2 + 2 zeta_c w_c s + w_c^2)
 //! ```
 //!
-//! The inverse alone passes DC, with (w_n / w_c)^2 times its gain at high frequency. Inverse and
-//! actuator together are a high-pass.
+//! The inverse alone passes DC, with (w_n / w_c)^2 times its gain at high frequency. Inverse and actuator
+//! together are a high-pass.
 //!
-//! For a voltage, V = (R + L s) I + k_f s x. With the actuator's x/I, the mechanical resonance cancels
-//! in the back-EMF:
+//! For a voltage, V = (R + L s) I + k_f s x. With the actuator's x/I, the mechanical resonance cancels in the
+//! back-EMF:
 //!
 //! ```text
 //! s x / A* = (k_f / mu) s / (s^2 + 2 zeta w_n s + w_n^2) I/A*
@@ -21,14 +20,14 @@
 //! V/A* = [(R + L s) I/A* + k_f s x/A*] / (1 + s / w_r)
 //! ```
 //!
-//! All poles are at w_c and w_r, so it is stable for any actuator. Without the pole at w_r its gain
-//! would rise with L s without end. w_r is 10 kHz or a quarter of the rate, whichever is less. A coil
-//! of 4.5 ohm and 128 uH has its corner near that, at 5.6 kHz. A/A* is then multiplied by 1 / (1 + s /
-//! w_r): 0.04 dB and 16 us at 1 kHz.
+//! All poles are at w_c and w_r, so it is stable for any actuator. Without the pole at w_r its gain would
+//! rise with L s without end. w_r is 10 kHz or a quarter of the rate, whichever is less. A coil of 4.5 ohm
+//! and 128 uH has its corner near that, at 5.6 kHz. A/A* is then multiplied by 1 / (1 + s / w_r): 0.04 dB and
+//! 16 us at 1 kHz.
 //!
 //! [`InverseModel`] selects how much of this is kept. A/A* shows what is left out. H_c is the high-pass
-//! above, `Z = R + L s + k_f s x/I` the coil's impedance. Only the full model under a voltage has `1 /
-//! (1 + s / w_r)`:
+//! above, `Z = R + L s + k_f s x/I` the coil's impedance. Only the full model under a voltage has `1 / (1 + s
+//! / w_r)`:
 //!
 //! ```text
 //! model          under a current                  under a voltage
@@ -159,9 +158,8 @@ impl Inverse {
         self.sections.iter().all(Biquad::is_at_rest)
     }
 
-    /// Turns a block of accelerations \[m/s^2\] into drive \[A or V\]. The block length does not
-    /// matter. A sample that is not finite counts as 0 and is counted. Samples are clamped to 1e6
-    /// m/s^2.
+    /// Turns a block of accelerations \[m/s^2\] into drive \[A or V\]. The block length does not matter. A
+    /// sample that is not finite counts as 0 and is counted. Samples are clamped to 1e6 m/s^2.
     pub fn process(&mut self, acceleration: &[f32], drive: &mut [f32]) {
         let mut ignored = 0;
         let mut read = |x: &f32| {
@@ -207,9 +205,8 @@ impl Inverse {
         self.ignored
     }
 
-    /// State of its filters. An inverse for another handle, actuator, corner or model can go on from
-    /// it; the transient decays as fast as the corner lets it. The state for another kind of drive is
-    /// refused.
+    /// State of its filters. An inverse for another handle, actuator, corner or model can go on from it; the
+    /// transient decays as fast as the corner lets it. The state for another kind of drive is refused.
     pub fn state(&mut self, state: &mut State<'_>) {
         let mut volts = self.drive == Drive::Voltage;
         state.keep(&mut volts);

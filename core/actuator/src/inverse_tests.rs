@@ -1,6 +1,6 @@
 //! The inverse against the equations of motion and a simulated actuator.
 
-use super::super::testing::{RungeKutta, hapcoil, lock_in};
+use super::super::testing::{hapcoil, lock_in};
 use super::super::{Drive, Plant};
 use super::*;
 use std::f64::consts::PI;
@@ -28,65 +28,6 @@ fn pair_of(mut inverse: Inverse, hz: f64, rate: f64, mut handle: impl FnMut(f64)
     lock_in(&felt[second..], hz, rate)
 }
 
-#[test]
-fn inverse_and_plant_are_flat_from_40_to_1000_hz() {
-    for drive in [Drive::Current, Drive::Voltage] {
-        for hz in [40.0, 65.0, 100.0, 250.0, 500.0, 1000.0] {
-            let mut plant = Plant::new(&hapcoil(100.0), drive, RATE);
-            let exact = pair(drive, hz, |u| plant.step(u).acceleration);
-            let mut fine = RungeKutta::new(hapcoil(100.0), drive, RATE, 8);
-            let integrated = pair(drive, hz, |u| fine.step(u).acceleration);
-            assert!((exact - integrated).norm() < 1e-4, "{drive:?} {hz} Hz: {exact} {integrated}");
-            let db = 20.0 * exact.norm().log10();
-            assert!(db.abs() < 0.3, "{drive:?} {hz} Hz: {db} dB");
-            // It is the stated high-pass, with the pole at w_r under a voltage.
-            let mut stated = Section::high_pass(20.0, FRAC_1_SQRT_2).response(hz);
-            if drive == Drive::Voltage {
-                stated /= Complex64::new(1.0, hz / 10_000.0);
-            }
-            let off = 20.0 * (exact.norm() / stated.norm()).log10();
-            assert!(off.abs() < 0.05, "{drive:?} {hz} Hz: {off} dB from what is stated");
-        }
-    }
-}
-
-#[test]
-fn inverse_passes_dc_and_the_pair_does_not() {
-    for drive in [Drive::Current, Drive::Voltage] {
-        let (d, inv) = (hapcoil(100.0), inverse(100.0, drive, RATE));
-        if drive == Drive::Current {
-            let ratio = inv.response(0.0).norm() / inv.response(20_000.0).norm();
-            assert!((ratio / (65.0f64 / 20.0).powi(2) - 1.0).abs() < 1e-3, "{ratio}");
-        }
-        let mut inv = inv;
-        let mut plant = Plant::new(&d, drive, RATE);
-        let (x, mut u) = (vec![1.0f32; 48_000], vec![0.0; 48_000]);
-        inv.process(&x, &mut u);
-        assert!(u[47_999].abs() > 0.1);
-        let last = u.iter().fold(0.0, |_, u| plant.step(f64::from(*u)).acceleration);
-        assert!(last.abs() < 1e-4, "{drive:?} {last}");
-    }
-}
-
-#[test]
-fn voltage_inverse_has_its_transfer_function() {
-    let d = hapcoil(60.0);
-    let inv = inverse(60.0, Drive::Voltage, 480_000.0);
-    for hz in [5.0, 20.0, 71.0, 300.0, 3000.0] {
-        let s = Complex64::new(0.0, TAU * hz);
-        // From the equations of motion, without any section.
-        let mu = d.reduced_mass();
-        let x_per_i = d.force_factor / (s * s * mu + s * d.damping + d.stiffness);
-        let a_per_i = -s * s * mu / d.handle_mass * x_per_i;
-        let v_per_i = s * d.inductance + d.resistance + s * d.force_factor * x_per_i;
-        let wc = TAU * 20.0;
-        let corner = s * s / (s * s + s * 2.0 * FRAC_1_SQRT_2 * wc + wc * wc);
-        let want = v_per_i / a_per_i * corner / (s / (TAU * 10_000.0) + 1.0);
-        let got = inv.response(hz);
-        assert!((got / want - 1.0).norm() < 2e-3, "{hz}: {got} {want}");
-    }
-}
-
 /// In closed form from 1 Hz, where the actuator pushes nothing, to far above its band. Also for actuators
 /// whose mass, spring and damping are 20 % off.
 #[test]
@@ -101,11 +42,14 @@ fn pair_answers_as_its_filters_in_closed_form() {
                 damping: d.damping * by(2),
                 ..d
             };
-            let all = [1.0, 5.0, 20.0, 65.0, 90.0, 400.0, 1000.0, 8000.0, 20_000.0, 23_999.0];
+            let all = [1.0, 5.0, 20.0, 40.0, 65.0, 90.0, 400.0, 1000.0, 8000.0, 20_000.0, 23_999.0];
             for hz in all.into_iter().filter(|hz| corner == 8 || (20.0..=400.0).contains(hz)) {
                 let mut plant = Plant::new(&other, drive, RATE);
                 let got = pair(drive, hz, |u| plant.step(u).acceleration);
                 let stated = stated_inverse(&d, drive, hz) * stated_plant(&other, drive, hz);
+                // Flat where it is meant to be.
+                let db = 20.0 * got.norm().log10();
+                assert!(corner != 8 || !(40.0..=1000.0).contains(&hz) || db.abs() < 0.3, "{hz} Hz: {db} dB");
                 // f32 rounds away 10^-5 of what is asked at most.
                 let off = (got - stated).norm();
                 assert!(off <= 1e-3 * stated.norm() + 1e-5, "{drive:?} {corner} {hz} Hz: {got} {stated}");

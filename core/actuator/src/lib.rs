@@ -1,10 +1,9 @@
-//! A voice-coil actuator: its profile, its motion on a handle, its inverse, its limiter, a simulation
-//! and identification.
+//! A voice-coil actuator: its profile, its motion on a handle, its inverse, its limiter, a simulation and
+//! identification.
 //!
 //! A voice coil on a handle is two masses and a spring. The mover (mass m_a) hangs in the housing on a
-//! suspension (k, c). The coil pushes it with k_f I. The housing is fixed to the handle (together m_h),
-//! which gets the opposite push. With x the mover's place relative to the handle and mu = m_a m_h /
-//! (m_a + m_h):
+//! suspension (k, c). The coil pushes it with k_f I. The housing is fixed to the handle (together m_h), which
+//! gets the opposite push. With x the mover's place relative to the handle and mu = m_a m_h / (m_a + m_h):
 //!
 //! ```text
 //! mu x'' + c x' + k x = k_f I        x/I = (k_f / mu) / (s^2 + 2 zeta w_n s + w_n^2)
@@ -12,10 +11,10 @@
 //! V = (R + L s) I + k_f s x          w_n^2 = k / mu,  2 zeta w_n = c / mu
 //! ```
 //!
-//! [`ActuatorProfile`] is an actuator as its file in `graphs/actuators/` describes it. [`Dynamics`] is
-//! the same on a handle of a given mass. [`Inverse`] turns a wanted acceleration into a current or a
-//! voltage. [`Limiter`] is the last stage before the device. [`Plant`] simulates coil and handle.
-//! [`identify`] finds a profile's figures from the signal of an accelerometer on the handle.
+//! [`ActuatorProfile`] is an actuator as its file in `graphs/actuators/` describes it. [`Dynamics`] is the
+//! same on a handle of a given mass. [`Inverse`] turns a wanted acceleration into a current or a voltage.
+//! [`Limiter`] is the last stage before the device. [`Plant`] simulates coil and handle. [`identify`] finds a
+//! profile's figures from the signal of an accelerometer on the handle.
 
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

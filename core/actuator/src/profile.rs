@@ -19,9 +19,8 @@ pub struct Quantity {
 
 /// An actuator: the figures that do not depend on its handle.
 ///
-/// In the file each value has a unit and a source, `m_a: (g: 4.4, source: "data sheet")`. With
-/// `estimate: true` it is an estimate. All fields are required. [`ActuatorProfile::parse`] lists the
-/// ranges.
+/// In the file each value has a unit and a source, `m_a: (g: 4.4, source: "data sheet")`. With `estimate:
+/// true` it is an estimate. All fields are required. [`ActuatorProfile::parse`] lists the ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ActuatorProfile {
     /// Name of the actuator.
@@ -53,21 +52,21 @@ pub struct ActuatorProfile {
 /// The only version of this format.
 const VERSION: i64 = 1;
 
-/// Field, unit in the file, unit for people, least, most, SI value of one unit.
-pub(super) type Field = (&'static str, &'static str, &'static str, f64, f64, f64);
+/// Field, unit in the file, unit for people, least, most, SI value of one unit, an example.
+pub(super) type Field = (&'static str, &'static str, &'static str, f64, f64, f64, f64);
 
 pub(super) const FIELDS: [Field; 11] = [
-    ("m_a", "g", "g", 0.05, 1000.0, 1e-3),
-    ("k", "n_per_m", "N/m", 1.0, 1e6, 1.0),
-    ("damping", "n_s_per_m", "N s/m", 1e-4, 100.0, 1.0),
-    ("k_f", "n_per_a", "N/A", 0.01, 100.0, 1.0),
-    ("resistance", "ohm", "ohm", 0.1, 100.0, 1.0),
-    ("inductance", "uh", "uH", 1.0, 5000.0, 1e-6),
-    ("stroke", "mm", "mm", 0.05, 50.0, 1e-3),
-    ("thermal_time_constant", "s", "s", 0.1, 600.0, 1.0),
-    ("rated_current", "ma_rms", "mA", 1.0, 20_000.0, 1e-3),
-    ("peak_current", "ma", "mA", 1.0, 100_000.0, 1e-3),
-    ("peak_voltage", "v", "V", 0.05, 200.0, 1.0),
+    ("m_a", "g", "g", 0.05, 1000.0, 1e-3, 4.4),
+    ("k", "n_per_m", "N/m", 1.0, 1e6, 1.0, 700.0),
+    ("damping", "n_s_per_m", "N s/m", 1e-4, 100.0, 1.0, 2.0),
+    ("k_f", "n_per_a", "N/A", 0.01, 100.0, 1.0, 2.0),
+    ("resistance", "ohm", "ohm", 0.1, 100.0, 1.0, 2.0),
+    ("inductance", "uh", "uH", 1.0, 5000.0, 1e-6, 128.0),
+    ("stroke", "mm", "mm", 0.05, 50.0, 1e-3, 2.0),
+    ("thermal_time_constant", "s", "s", 0.1, 600.0, 1.0, 2.0),
+    ("rated_current", "ma_rms", "mA", 1.0, 20_000.0, 1e-3, 150.0),
+    ("peak_current", "ma", "mA", 1.0, 100_000.0, 1e-3, 600.0),
+    ("peak_voltage", "v", "V", 0.05, 200.0, 1.0, 2.0),
 ];
 
 impl ActuatorProfile {
@@ -203,8 +202,11 @@ impl ActuatorProfile {
     }
 }
 
-fn quantity(value: &Value, (field, unit, say, least, most, si): Field) -> Result<Quantity, Diagnostic> {
-    let shape = || format!("such as `{field}: ({unit}: {}, source: \"...\")`", example(field));
+fn quantity(
+    value: &Value,
+    (field, unit, say, least, most, si, example): Field,
+) -> Result<Quantity, Diagnostic> {
+    let shape = || format!("such as `{field}: ({unit}: {example}, source: \"...\")`");
     let mut record = value.record(field).map_err(|e| if e.help.is_none() { e.help(shape()) } else { e })?;
     let number = record.required(unit).map_err(|_| {
         value.error(format!("`{field}` needs a value in {say}, called `{unit}`")).help(shape())
@@ -217,17 +219,6 @@ fn quantity(value: &Value, (field, unit, say, least, most, si): Field) -> Result
     let estimate = record.optional("estimate").map_or(Ok(false), Value::bool)?;
     record.finish()?;
     Ok(Quantity { value: x * si, source: from.text()?.to_owned(), estimate })
-}
-
-fn example(field: &str) -> f64 {
-    match field {
-        "m_a" => 4.4,
-        "k" => 700.0,
-        "inductance" => 128.0,
-        "rated_current" => 150.0,
-        "peak_current" => 600.0,
-        _ => 2.0,
-    }
 }
 
 fn check_together(all: &[(Quantity, &Value)]) -> Result<(), Diagnostic> {

@@ -100,8 +100,7 @@ impl Model {
         Self { latency: 0.0, ..*self }.gradient(hz).0
     }
 
-    /// The response with latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the
-    /// latency.
+    /// The response with latency, and its derivatives by ln k_f, ln m_a, ln k, ln c, ln m_h and the latency.
     pub(super) fn gradient(&self, hz: f64) -> (Complex64, [Complex64; EACH]) {
         let s = Complex64::new(0.0, TAU * hz);
         let (e, p, d) = self.parts(s);
@@ -137,22 +136,16 @@ pub(super) struct Belief {
     pub(super) spread: f64,
 }
 
-/// One recording, ready to fit.
+/// One recording with first estimates, ready to fit.
 pub(super) struct Run {
     pub(super) spectra: Spectra,
-    pub(super) start: Start,
     pub(super) handle_mass: Belief,
-}
-
-/// First estimates from one recording.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Start {
     /// Acceleration per ampere at high frequencies \[m/s^2 per A\].
-    pub(super) gain: f64,
-    pub(super) natural_rad_s: f64,
-    pub(super) damping_ratio: f64,
-    pub(super) latency: f64,
-    pub(super) sign: f64,
+    gain: f64,
+    natural_rad_s: f64,
+    damping_ratio: f64,
+    latency: f64,
+    sign: f64,
 }
 
 /// The figures and their uncertainty.
@@ -168,17 +161,19 @@ fn shape(coil: Coil, natural: f64, zeta: f64, hz: f64) -> Complex64 {
     -s * s / (s * s + s * (2.0 * zeta * natural) + natural * natural) / coil.impedance(s)
 }
 
-/// Resonance, damping, gain and latency of one recording: the best of a grid by magnitude, then the
-/// latency that fits it best. Settles the bands of `spectra`.
-pub(super) fn start(spectra: &mut Spectra, coil: Coil) -> Start {
-    let (latency, _) = spectra.latency(|_| Complex64::from(1.0));
-    spectra.settle(latency);
-    let shape = |natural, zeta, hz| shape(coil, natural, zeta, hz);
-    let (natural, zeta, gain) = grid(&spectra.bands, shape, spectra.band_hz());
-    let (latency, same) = spectra.latency(|hz| shape(natural, zeta, hz));
-    spectra.settle(latency);
-    let sign = if same { 1.0 } else { -1.0 };
-    Start { gain, natural_rad_s: natural, damping_ratio: zeta, latency, sign }
+impl Run {
+    /// Finds resonance, damping and gain, the best of a grid by magnitude, then the latency that fits them
+    /// best. Settles the bands of `spectra`.
+    pub(super) fn new(mut spectra: Spectra, handle_mass: Belief, coil: Coil) -> Self {
+        let (latency, _) = spectra.latency(|_| Complex64::from(1.0));
+        spectra.settle(latency);
+        let shape = |natural, zeta, hz| shape(coil, natural, zeta, hz);
+        let (natural_rad_s, damping_ratio, gain) = grid(&spectra.bands, shape, spectra.band_hz());
+        let (latency, same) = spectra.latency(|hz| shape(natural_rad_s, damping_ratio, hz));
+        spectra.settle(latency);
+        let sign = if same { 1.0 } else { -1.0 };
+        Self { spectra, handle_mass, gain, natural_rad_s, damping_ratio, latency, sign }
+    }
 }
 
 fn grid(
@@ -222,7 +217,7 @@ fn model(p: &Point, run: &Run, n: usize, coil: Coil) -> Model {
         damping: p[3].exp_e(),
         handle_mass: p[SHARED + OWN * n].exp_e(),
         latency: p[SHARED + OWN * n + 1],
-        sign: run.start.sign,
+        sign: run.sign,
     }
 }
 
@@ -230,8 +225,8 @@ fn model(p: &Point, run: &Run, n: usize, coil: Coil) -> Model {
 /// believed one.
 fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let mean = |f: &dyn Fn(&Run) -> f64| runs.iter().map(f).sum::<f64>() / runs.len() as f64;
-    let force_factor = mean(&|r| r.start.gain * r.handle_mass.value);
-    let square = |r: &Run| r.start.natural_rad_s * r.start.natural_rad_s;
+    let force_factor = mean(&|r| r.gain * r.handle_mass.value);
+    let square = |r: &Run| r.natural_rad_s * r.natural_rad_s;
     let inverse = |r: &Run| 1.0 / r.handle_mass.value;
     let (light, heavy) = runs.iter().fold((&runs[0], &runs[0]), |(l, h), r| {
         (if inverse(r) > inverse(l) { r } else { l }, if inverse(r) < inverse(h) { r } else { h })
@@ -243,7 +238,7 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let stiffness = mean(&|r| square(r) / (1.0 / moving + inverse(r)));
     let damping = mean(&|r| {
         let u = 1.0 / moving + inverse(r);
-        let all = 2.0 * r.start.damping_ratio * r.start.natural_rad_s / u;
+        let all = 2.0 * r.damping_ratio * r.natural_rad_s / u;
         let emf =
             if coil.drive == Drive::Voltage { force_factor * force_factor / coil.resistance } else { 0.0 };
         (all - emf).max(0.1 * all)
@@ -251,54 +246,41 @@ fn first_guess(runs: &[Run], coil: Coil, moving_mass: Belief) -> Point {
     let mut point = Point::with_capacity(SHARED + OWN * runs.len());
     let shared = [force_factor, moving, stiffness, damping].into_iter().zip(RANGES);
     point.extend(shared.map(|(x, (least, most))| x.clamp(least, most).log_e()));
-    runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.start.latency]));
+    runs.iter().for_each(|r| point.extend([r.handle_mass.value.log_e(), r.latency]));
     point
 }
 
-/// Half gradient and normal matrix of the cost: the sum of 2 |r|^2 / noise and the priors.
-struct Normal {
-    cost: f64,
-    gradient: Vec<f64>,
-    matrix: Vec<Vec<f64>>,
-}
+/// The cost, which is the sum of 2 |r|^2 / noise and the priors, with half its gradient and its normal
+/// matrix.
+type Normal = (f64, Vec<f64>, Vec<Vec<f64>>);
 
-struct Problem<'a> {
-    runs: &'a [Run],
-    coil: Coil,
-    beliefs: Vec<(f64, f64)>,
-    /// Factor on each recording's noise.
-    noise: Vec<f64>,
-}
-
-impl Problem<'_> {
-    fn normal(&self, at: &Point) -> Normal {
-        let len = at.len();
-        let (mut cost, mut gradient, mut matrix) = (0.0, vec![0.0; len], vec![vec![0.0; len]; len]);
-        for (n, run) in self.runs.iter().enumerate() {
-            let model = model(at, run, n, self.coil);
-            let place = places(n);
-            let (own, slope, square) = one(&run.spectra, &model, self.noise[n]);
-            cost += own;
-            for i in 0..EACH {
-                gradient[place[i]] += slope[i];
-                for j in 0..EACH {
-                    matrix[place[i]][place[j]] += square[i][j];
-                }
+/// The cost at a point. `beliefs` are the mean and standard deviation of each figure, `noise` is a factor on
+/// each recording's noise.
+fn normal(at: &Point, runs: &[Run], coil: Coil, beliefs: &[(f64, f64)], noise: &[f64]) -> Normal {
+    let (mut cost, mut gradient) = (0.0, vec![0.0; at.len()]);
+    let mut matrix = vec![gradient.clone(); at.len()];
+    for (n, run) in runs.iter().enumerate() {
+        let place = places(n);
+        let (own, slope, square) = one(&run.spectra, &model(at, run, n, coil), noise[n]);
+        cost += own;
+        for i in 0..EACH {
+            gradient[place[i]] += slope[i];
+            for j in 0..EACH {
+                matrix[place[i]][place[j]] += square[i][j];
             }
         }
-        for (i, (value, spread)) in self.beliefs.iter().enumerate() {
-            let off = (value - at[i]) / spread;
-            cost += off * off;
-            gradient[i] += off / spread;
-            matrix[i][i] += 1.0 / (spread * spread);
-        }
-        Normal { cost, gradient, matrix }
     }
+    for (i, (value, spread)) in beliefs.iter().enumerate() {
+        let off = (value - at[i]) / spread;
+        cost += off * off;
+        gradient[i] += off / spread;
+        matrix[i][i] += 1.0 / (spread * spread);
+    }
+    (cost, gradient, matrix)
 }
 
-type Square = [[f64; EACH]; EACH];
-
-fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], Square) {
+/// The same of one recording, without priors.
+fn one(spectra: &Spectra, model: &Model, noise: f64) -> (f64, [f64; EACH], [[f64; EACH]; EACH]) {
     let (mut cost, mut slope, mut square) = (0.0, [0.0; EACH], [[0.0; EACH]; EACH]);
     for band in &spectra.bands {
         let weight = 2.0 * spectra.independent / (band.noise * noise);
@@ -332,13 +314,13 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
     for (n, run) in runs.iter().enumerate() {
         beliefs[SHARED + OWN * n] = (run.handle_mass.value.log_e(), run.handle_mass.spread);
     }
-    let problem = Problem { runs, coil, beliefs, noise: noise.to_vec() };
-    let mut now = problem.normal(&at);
+    let normal = |at: &Point| normal(at, runs, coil, &beliefs, noise);
+    let (mut cost, mut gradient, mut matrix) = normal(&at);
     let mut lambda = 1e-3;
     for _ in 0..ITERATIONS {
-        let mut damped = now.matrix.clone();
+        let mut damped = matrix.clone();
         damped.iter_mut().enumerate().for_each(|(i, row)| row[i] *= 1.0 + lambda);
-        let Some(step) = solve(&damped, &now.gradient) else { break };
+        let Some(step) = solve(&damped, &gradient) else { break };
         let mut next = at.clone();
         for (i, (x, by)) in next.iter_mut().zip(&step).enumerate() {
             *x += if i >= SHARED && (i - SHARED) % OWN == 1 { *by } else { by.clamp(-1.0, 1.0) };
@@ -346,10 +328,10 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
         for (x, (least, most)) in next.iter_mut().zip(RANGES) {
             *x = x.clamp(least.log_e(), most.log_e());
         }
-        let there = problem.normal(&next);
-        if there.cost < now.cost {
-            let settled = now.cost - there.cost < 1e-9 * now.cost;
-            (at, now, lambda) = (next, there, (lambda * 0.2).max(1e-12));
+        let there = normal(&next);
+        if there.0 < cost {
+            let settled = cost - there.0 < 1e-9 * cost;
+            (at, lambda, (cost, gradient, matrix)) = (next, (lambda * 0.2).max(1e-12), there);
             if settled {
                 break;
             }
@@ -360,7 +342,7 @@ pub(super) fn fit(runs: &[Run], coil: Coil, moving_mass: Belief, noise: &[f64]) 
         }
     }
     let models = runs.iter().enumerate().map(|(n, run)| model(&at, run, n, coil)).collect();
-    Fitted { models, covariance: inverse(&now.matrix), at }
+    Fitted { models, covariance: inverse(&matrix), at }
 }
 
 impl Fitted {

@@ -34,7 +34,6 @@
 mod findings;
 mod fit;
 mod judge;
-mod profile;
 mod spectra;
 mod sweep;
 
@@ -45,8 +44,7 @@ use super::{ActuatorProfile, Drive};
 use fit::{Belief, Coil, Fitted, Run};
 use spectra::Spectra;
 
-pub use findings::{Estimate, Findings, Measurement, Point, Trust};
-pub use profile::write_profile;
+pub use findings::{Estimate, Findings, Measurement, Point, Trust, write_profile};
 pub use sweep::{Sweep, SweepSettings, SweepShape, raised_cosine};
 
 /// A drive and the acceleration of the handle, in step.
@@ -122,18 +120,13 @@ pub fn identify(
     let hold = if settings.held { 1.0 / rate_hz } else { 0.0 };
     let (resistance, inductance) = (base.resistance.value, base.inductance.value);
     let coil = Coil { drive: settings.drive, resistance, inductance, hold };
-    let mut runs = Vec::with_capacity(recordings.len());
-    for recording in recordings {
+    let spread = spread_of(1.0 + settings.handle_mass_uncertainty);
+    let run = |recording: &Recording<'_>| {
         check(recording, rate_hz)?;
-        let mut spectra = Spectra::new(recording, settings.band_hz)?;
-        let start = fit::start(&mut spectra, coil);
-        let spread = spread_of(1.0 + settings.handle_mass_uncertainty);
-        runs.push(Run {
-            spectra,
-            start,
-            handle_mass: Belief { value: recording.handle_mass_g * 1e-3, spread },
-        });
-    }
+        let handle_mass = Belief { value: recording.handle_mass_g * 1e-3, spread };
+        Ok(Run::new(Spectra::new(recording, settings.band_hz)?, handle_mass, coil))
+    };
+    let runs = recordings.iter().map(run).collect::<Result<Vec<Run>, Diagnostic>>()?;
     let (fitted, measured) = best(&runs, coil, believed, settings.resistance_uncertainty);
     Ok(findings::sum_up(recordings, &runs, &fitted, &settings, (measured, base.moving_mass.estimate)))
 }
@@ -173,11 +166,8 @@ fn best(runs: &[Run], coil: Coil, believed: Belief, resistance: f64) -> (Fitted,
 /// follow the least errors at high frequencies.
 fn fit_widely(runs: &[Run], coil: Coil, moving_mass: Belief, resistance: f64) -> Fitted {
     let first = fit::fit(runs, coil, moving_mass, &vec![1.0; runs.len()]);
-    let noise: Vec<f64> = runs
-        .iter()
-        .zip(&first.models)
-        .map(|(run, model)| judge::unexplained(&run.spectra, model).max(1.0))
-        .collect();
+    let noise = runs.iter().zip(&first.models);
+    let noise: Vec<f64> = noise.map(|(run, m)| judge::unexplained(&run.spectra, m).max(1.0)).collect();
     let mut fitted = fit::fit(runs, coil, moving_mass, &noise);
     if coil.drive == Drive::Voltage {
         let other = Coil { resistance: coil.resistance * spread_of(1.0 + resistance).exp_e(), ..coil };
@@ -186,9 +176,7 @@ fn fit_widely(runs: &[Run], coil: Coil, moving_mass: Belief, resistance: f64) ->
     fitted
 }
 
-fn no_drive() -> Diagnostic {
-    Diagnostic::new("the drive is silent: nothing was sent to the actuator")
-}
+const NO_DRIVE: &str = "the drive is silent: nothing was sent to the actuator";
 
 /// The first value that is out of range.
 fn refuse(values: &[(&'static str, f64, bool)]) -> Result<(), Diagnostic> {
@@ -215,23 +203,18 @@ fn check(r: &Recording<'_>, rate_hz: f64) -> Result<(), Diagnostic> {
         ("a sweep's time constant", constant, constant > 0.0 && constant.is_finite()),
     ])?;
     let seconds = r.drive.len().min(r.acceleration.len()) as f64 / r.rate_hz;
-    if seconds < 0.5 {
-        return Err(Diagnostic::new(format!(
-            "a recording of {seconds:.2} s is too short to identify an actuator; 0.5 s is the least"
-        )));
-    }
-    if !r.drive.iter().chain(r.acceleration).all(|x| x.is_finite()) {
-        return Err(Diagnostic::new("a recording holds samples that are not finite"));
-    }
-    if r.drive.iter().all(|x| *x == 0.0) {
-        return Err(no_drive());
-    }
-    if r.acceleration.windows(2).all(|w| w[0] == w[1]) {
-        return Err(Diagnostic::new(
-            "the accelerometer is silent: is it connected, and is this its channel?",
-        ));
-    }
-    Ok(())
+    let wrong = if seconds < 0.5 {
+        &format!("a recording of {seconds:.2} s is too short to identify an actuator; 0.5 s is the least")
+    } else if !r.drive.iter().chain(r.acceleration).all(|x| x.is_finite()) {
+        "a recording holds samples that are not finite"
+    } else if r.drive.iter().all(|x| *x == 0.0) {
+        NO_DRIVE
+    } else if r.acceleration.windows(2).all(|w| w[0] == w[1]) {
+        "the accelerometer is silent: is it connected, and is this its channel?"
+    } else {
+        return Ok(());
+    };
+    Err(Diagnostic::new(wrong))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 
 use realfft::num_complex::Complex64;
 
-use super::{Recording, no_drive, raised_cosine};
+use super::{NO_DRIVE, Recording, raised_cosine};
 
 /// Bands per octave.
 const BANDS: f64 = 24.0;
@@ -66,7 +66,7 @@ impl Spectra {
         let strongest = bands.iter().map(per_bin).fold(0.0, f64::max);
         let excited = |b: &&(usize, usize)| per_bin(b) > EXCITED * strongest;
         let (Some(from), Some(to)) = (bands.iter().find(excited), bands.iter().rev().find(excited)) else {
-            return Err(no_drive());
+            return Err(Diagnostic::new(NO_DRIVE));
         };
         let (first, last) = (from.0, to.1);
         if last - first < 20 * LEAST_BINS {

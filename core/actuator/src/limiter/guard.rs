@@ -3,7 +3,7 @@
 use asperity_node::{Coil, Guard};
 use asperity_numbers::Elementary as _;
 
-use super::run::{Fixed, Given};
+use super::run::{Fixed, Given, Run};
 use super::{Drive, Limiter};
 
 /// A sample stays as it is if the walls would move it by less than this part of the peak. Double
@@ -32,14 +32,12 @@ pub struct ChannelGuard {
 
 impl ChannelGuard {
     pub(super) fn new(limiter: &Limiter) -> Self {
-        let mut plant = limiter.run.asked.clone();
-        plant.reset();
         Self {
             fixed: limiter.fixed.clone(),
             drive: limiter.drive,
             rate_hz: limiter.rate_hz,
             cools_in: limiter.limits.thermal_time_constant,
-            given: Given::new(plant),
+            given: Run::new(limiter.run.asked.clone()).given,
             dc: 0.0,
         }
     }

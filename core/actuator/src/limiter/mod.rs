@@ -39,7 +39,7 @@ mod run;
 
 use super::{Drive, Dynamics, Plant, check};
 pub use guard::ChannelGuard;
-use run::{Fixed, Given, Run};
+use run::{Fixed, Run};
 
 /// Settings of a limiter. None can switch it off.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -146,23 +146,22 @@ const TINY: f64 = 1e-30;
 /// Protects an actuator. The module describes how.
 ///
 /// Guaranteed for any input, as simulated with its [`Dynamics`]: every output is finite, at most
-/// [`Limits::peak`], and no further than [`Limits::slew_per_sample`] from the one before. The rms
-/// current over the thermal time constant is at most 1 % over the rating (for a voltage see below), and
-/// the mover stays within its stroke. The output's mean over T seconds is at most `8 peak / (2 pi
-/// dc_corner_hz T)`. A signal well within the limits is changed by the DC removal only, rounded to f32.
+/// [`Limits::peak`], and no further than [`Limits::slew_per_sample`] from the one before. The rms current
+/// over the thermal time constant is at most 1 % over the rating (for a voltage see below), and the mover
+/// stays within its stroke. The output's mean over T seconds is at most `8 peak / (2 pi dc_corner_hz T)`. A
+/// signal well within the limits is changed by the DC removal only, rounded to f32.
 ///
-/// A random search covered 28 694 actuators like the shipped one, 16 790 of them under a voltage, with
-/// inputs that follow the mover to its wall, squares of 0.5 to 40 times its resonance, and muting by
-/// turns. The farthest reached 0.9996 of its stroke (0.980 under a current), the warmest 1.0002 of its
-/// rating. A larger search, of 208 350 under a voltage, found one at 1.024 of its rating. Before the
-/// swing was bounded by its heat, coils came up to 10 % over (`tests/heat.rs` keeps eight).
+/// A random search covered 28 694 actuators like the shipped one, 16 790 of them under a voltage, with inputs
+/// that follow the mover to its wall, squares of 0.5 to 40 times its resonance, and muting by turns. The
+/// farthest reached 0.9996 of its stroke (0.980 under a current), the warmest 1.0002 of its rating. A larger
+/// search, of 208 350 under a voltage, found one at 1.024 of its rating. Before the swing was bounded by its
+/// heat, coils came up to 10 % over (`tests/past.rs` keeps eight).
 ///
-/// The thermal mean is of first order, as a coil warms. A mean over a window of one time constant can
-/// read up to sqrt(2) of the rating just after a cold start.
+/// The thermal mean is of first order, as a coil warms. A mean over a window of one time constant can read up
+/// to sqrt(2) of the rating just after a cold start.
 ///
-/// 96 samples take 1.1 us (current) or 1.3 us (voltage) without limiting, 1.5 us or 1.8 us at five
-/// times the peak: medians on one of 2 cores of a shared server-class x86-64 with AVX-512, by
-/// `benches/actuator.rs`.
+/// 96 samples take 1.1 us (current) or 1.3 us (voltage) without limiting, 1.5 us or 1.8 us at five times the
+/// peak: medians on one of 2 cores of a shared server-class x86-64 with AVX-512, by `benches/actuator.rs`.
 #[derive(Clone, Debug)]
 pub struct Limiter {
     fixed: Fixed,
@@ -186,11 +185,9 @@ impl Limiter {
         settings: LimiterSettings,
     ) -> Result<Self, Diagnostic> {
         let s = settings;
-        let (least, most) = DC_CORNER_HZ.into_inner();
-        check("a DC removal's corner", s.dc_corner_hz, least, most, "Hz")?;
+        check("a DC removal's corner", s.dc_corner_hz, *DC_CORNER_HZ.start(), *DC_CORNER_HZ.end(), "Hz")?;
         check("a slew frequency", s.slew_hz, 500.0, 20_000.0, "Hz")?;
-        let (least, most) = RELEASE_S.into_inner();
-        check("a release time", s.release_s, least, most, "s")?;
+        check("a release time", s.release_s, *RELEASE_S.start(), *RELEASE_S.end(), "s")?;
         check("a muting time", s.mute_s, 0.001, 0.02, "s")?;
         check("an unmuting time", s.unmute_s, 0.001, 2.0, "s")?;
         let least = (16.0 * dynamics.natural_hz()).max(4000.0);
@@ -201,11 +198,8 @@ impl Limiter {
             Drive::Voltage => dynamics.peak_voltage,
         };
         // The largest f32 not above the peak.
-        let mut peak = exact_peak as f32;
-        if f64::from(peak) > exact_peak {
-            peak = peak.next_down();
-        }
-        let peak = f64::from(peak);
+        let peak = exact_peak as f32;
+        let peak = f64::from(if f64::from(peak) > exact_peak { peak.next_down() } else { peak });
         let slew = (TAU * s.slew_hz * peak / rate_hz).min(2.0 * peak);
         let (tau, mu) = (dynamics.thermal_time_constant, dynamics.reduced_mass());
         let natural = dynamics.natural_rad_s();
@@ -257,18 +251,7 @@ impl Limiter {
             thermal_time_constant: tau,
             stroke: dynamics.stroke,
         };
-        let plant = Plant::new(dynamics, drive, rate_hz);
-        let run = Run {
-            report: LimiterReport { least_gain: 1.0, ..LimiterReport::default() },
-            good: 0.0,
-            bearable: 1.0,
-            dc: 0.0,
-            gain: 1.0,
-            mute: 1.0,
-            asked: plant.clone(),
-            power: 0.0,
-            given: Given::new(plant),
-        };
+        let run = Run::new(Plant::new(dynamics, drive, rate_hz));
         Ok(Self { fixed, drive, rate_hz, limits, run, muted: false })
     }
 
@@ -387,9 +370,8 @@ impl Limiter {
     ///
     /// The next output may differ from the last by up to the slew.
     pub fn reset(&mut self) {
-        let run = &mut self.run;
-        (run.good, run.dc, run.power, run.gain, run.bearable) = (0.0, 0.0, 0.0, 1.0, 1.0);
-        run.asked.reset();
+        let Run { report, given, mute, asked, .. } = self.run.clone();
+        self.run = Run { report, given, mute, ..Run::new(asked) };
     }
 }
 

@@ -165,6 +165,22 @@ impl Given {
 }
 
 impl Run {
+    /// At rest and cold.
+    pub(super) fn new(mut plant: Plant) -> Self {
+        plant.reset();
+        Self {
+            report: LimiterReport { least_gain: 1.0, ..LimiterReport::default() },
+            good: 0.0,
+            bearable: 1.0,
+            dc: 0.0,
+            gain: 1.0,
+            mute: 1.0,
+            asked: plant.clone(),
+            power: 0.0,
+            given: Given::new(plant),
+        }
+    }
+
     pub(super) fn block<const VOLTAGE: bool>(
         &mut self,
         f: &Fixed,

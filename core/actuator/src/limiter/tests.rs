@@ -9,10 +9,9 @@ use super::super::testing::{hapcoil, lock_in};
 use super::*;
 
 mod guard;
-mod heat;
 mod judge;
+mod past;
 mod promises;
-mod stroke;
 
 use judge::Judge;
 
@@ -235,38 +234,32 @@ fn decayed_tail_is_zero_and_never_denormal() {
 
 #[test]
 fn actuator_that_cannot_be_guarded_is_refused() {
-    let mut strong = hapcoil(100.0);
-    strong.stroke = 2e-5;
-    let made = Limiter::new(&strong, Drive::Current, RATE, LimiterSettings::default());
-    assert!(made.unwrap_err().message.contains("gains"));
-    let mut quick = hapcoil(100.0);
-    quick.force_factor = 15.0;
-    (quick.stroke, quick.peak_current) = (50e-3, 0.1);
-    let made = Limiter::new(&quick, Drive::Voltage, RATE, LimiterSettings::default());
-    assert!(made.unwrap_err().message.contains("back-EMF acts within"));
-    for grams in [10.0, 100.0, 1000.0] {
-        for drive in [Drive::Current, Drive::Voltage] {
-            let mut stronger = hapcoil(grams);
-            stronger.force_factor *= 3.0;
-            assert!(Limiter::new(&stronger, drive, RATE, LimiterSettings::default()).is_ok());
-        }
+    let strong = Dynamics { stroke: 2e-5, ..hapcoil(100.0) };
+    let quick = Dynamics { force_factor: 15.0, stroke: 50e-3, peak_current: 0.1, ..hapcoil(100.0) };
+    let make = |d: Dynamics, drive| Limiter::new(&d, drive, RATE, LimiterSettings::default());
+    assert!(make(strong, Drive::Current).unwrap_err().message.contains("gains"));
+    assert!(make(quick, Drive::Voltage).unwrap_err().message.contains("back-EMF acts within"));
+    for d in [10.0, 100.0, 1000.0].map(hapcoil) {
+        let stronger = Dynamics { force_factor: 3.0 * d.force_factor, ..d };
+        assert!(make(stronger, Drive::Current).is_ok() && make(stronger, Drive::Voltage).is_ok());
     }
 }
 
 #[test]
 fn settings_that_do_not_fit_are_refused() {
-    let make = |rate, settings| Limiter::new(&hapcoil(100.0), Drive::Current, rate, settings).is_ok();
     let good = LimiterSettings::default();
-    assert!(make(48_000.0, good));
-    assert!(!make(2000.0, good) && !make(f64::NAN, good) && !make(f64::INFINITY, good));
-    for bad in [
-        LimiterSettings { dc_corner_hz: 0.0, ..good },
-        LimiterSettings { slew_hz: f64::INFINITY, ..good },
-        LimiterSettings { release_s: f64::NAN, ..good },
-        LimiterSettings { mute_s: 1.0, ..good },
-        LimiterSettings { unmute_s: -1.0, ..good },
+    for (rate, settings) in [
+        (2000.0, good),
+        (f64::NAN, good),
+        (f64::INFINITY, good),
+        (RATE, LimiterSettings { dc_corner_hz: 0.0, ..good }),
+        (RATE, LimiterSettings { slew_hz: f64::INFINITY, ..good }),
+        (RATE, LimiterSettings { release_s: f64::NAN, ..good }),
+        (RATE, LimiterSettings { mute_s: 1.0, ..good }),
+        (RATE, LimiterSettings { unmute_s: -1.0, ..good }),
     ] {
-        assert!(!make(48_000.0, bad), "{bad:?}");
+        let made = Limiter::new(&hapcoil(100.0), Drive::Current, rate, settings);
+        assert!(made.is_err(), "{rate} {settings:?}");
     }
 }
 
@@ -315,8 +308,7 @@ fn handed_on_coil_stays_warm_and_new_peak_holds() {
     let warm = old.report().rms_current;
     assert!(warm > 0.14 && last.abs() > 0.1, "{warm} {last}");
 
-    let mut weak = Dynamics { peak_current: 0.2, rated_current: 0.05, ..hapcoil(100.0) };
-    weak.peak_voltage = 1.0;
+    let weak = Dynamics { peak_current: 0.2, rated_current: 0.05, peak_voltage: 1.0, ..hapcoil(100.0) };
     let mut new = Limiter::new(&weak, Drive::Current, RATE, LimiterSettings::default()).unwrap();
     assert!(hand_over(&mut old, &mut new));
     assert_eq!(new.report().rms_current, warm);

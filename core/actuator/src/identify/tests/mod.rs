@@ -5,7 +5,7 @@ mod values;
 
 use std::f64::consts::{PI, TAU};
 
-use realfft::RealFftPlanner;
+use asperity_dsp::plans;
 use realfft::num_complex::Complex64;
 
 use super::super::{Dynamics, Limiter, LimiterSettings, Plant, Quantity};
@@ -109,22 +109,22 @@ impl Tape {
     }
 }
 
+/// Findings of one recording or more.
+fn identified(tapes: &[Tape], base: &ActuatorProfile, settings: IdentifySettings) -> Findings {
+    let recordings: Vec<Recording<'_>> = tapes.iter().map(Tape::recording).collect();
+    identify(&recordings, base, settings).unwrap()
+}
+
 /// Delays `x` by any number of samples, by the phase of its spectrum.
 fn delayed(x: &[f64], samples: f64) -> Vec<f64> {
     let len = (x.len() + 4096).next_multiple_of(2048);
-    let mut plan = RealFftPlanner::<f64>::new();
-    let (forward, back) = (plan.plan_fft_forward(len), plan.plan_fft_inverse(len));
     let mut padded = x.to_vec();
     padded.resize(len, 0.0);
-    let mut spectrum = forward.make_output_vec();
-    forward.process(&mut padded, &mut spectrum).unwrap();
-    for (n, z) in spectrum.iter_mut().enumerate() {
-        *z *= Complex64::from_polar(1.0 / len as f64, -TAU * n as f64 / len as f64 * samples);
-    }
-    spectrum[len / 2].im = 0.0;
-    back.process(&mut spectrum, &mut padded).unwrap();
-    padded.truncate(x.len());
-    padded
+    let turn = |n: usize| Complex64::from_polar(1.0 / len as f64, -TAU * n as f64 / len as f64 * samples);
+    let spectrum = plans::spectrum(padded).into_iter().enumerate().map(|(n, z)| z * turn(n));
+    let mut late = plans::signal(spectrum, len);
+    late.truncate(x.len());
+    late
 }
 
 /// Uniform numbers from -1 to 1.

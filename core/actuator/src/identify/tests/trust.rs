@@ -3,7 +3,7 @@ use super::*;
 use asperity_diagnostics::Source;
 
 fn judged(tape: &Tape) -> Findings {
-    identify(&[tape.recording()], &hapcoil(), held()).unwrap()
+    identified(std::slice::from_ref(tape), &hapcoil(), held())
 }
 
 fn says(f: &Findings, what: &str) -> bool {
@@ -123,24 +123,18 @@ fn distortion_is_measured() {
 #[test]
 fn resonance_outside_the_sweep_is_poor() {
     // 9 Hz on 100 g.
-    let f = judged(&Scene::new(100.0).play(&profile(30.0, 75.0, 0.3, 1.0)));
     let settings = IdentifySettings { band_hz: (20.0, 2000.0), ..held() };
     let tape = Scene::new(100.0).play(&profile(30.0, 75.0, 0.3, 1.0));
-    let g = identify(&[tape.recording()], &hapcoil(), settings).unwrap();
-    assert_eq!(g.trust, Trust::Poor, "{g:?}");
-    assert!(says(&g, "outside of the frequencies"), "{:?} {:?}", g.notes, f.notes);
+    let f = identified(&[tape], &hapcoil(), settings);
+    assert_eq!(f.trust, Trust::Poor, "{f:?}");
+    assert!(says(&f, "outside of the frequencies"), "{:?}", f.notes);
 }
 
 #[test]
 fn similar_handles_fall_back_to_the_base() {
     let truth = hapcoil();
     let tapes = [100.0, 106.0].map(|g| Scene::new(g).play(&truth));
-    let f = identify(
-        &tapes.each_ref().map(Tape::recording),
-        &truth,
-        IdentifySettings { held: true, ..Default::default() },
-    );
-    let f = f.unwrap();
+    let f = identified(&tapes, &truth, IdentifySettings { held: true, ..Default::default() });
     assert!(!f.moving_mass_measured && says(&f, "too much alike"), "{:?}", f.notes);
     assert!((f.stiffness.value / truth.stiffness.value - 1.0).abs() < 0.05);
 }
@@ -182,7 +176,7 @@ fn written_profile_reads_back_with_measured_figures() {
     let mut base = profile(5.0, 900.0, 1.0, 1.0);
     base.name = "a \"quoted\"\nname \\ with \u{e4}".into();
     let tapes = [20.0, 200.0].map(|g| Scene::new(g).play(&truth));
-    let both = identify(&tapes.each_ref().map(Tape::recording), &base, held()).unwrap();
+    let both = identified(&tapes, &base, held());
     let read = |text: String| ActuatorProfile::parse(&Source::new("p.ron", text)).unwrap();
     let p = read(write_profile(&both, &base, Some("2026-11-20")));
     assert_eq!(p.name, base.name);
@@ -195,14 +189,14 @@ fn written_profile_reads_back_with_measured_figures() {
     assert!((p.moving_mass.value / both.moving_mass.value - 1.0).abs() < 1e-4);
     assert_eq!(p.inductance.value, base.inductance.value);
     // With one recording the moving mass is the base's.
-    let one = identify(&[tapes[0].recording()], &base, held()).unwrap();
+    let one = identified(&tapes[..1], &base, held());
     let p = read(write_profile(&one, &base, None));
     assert!(p.moving_mass.estimate && p.moving_mass.value == base.moving_mass.value);
     assert!(p.stiffness.source.contains("with the moving mass given here"), "{}", p.stiffness.source);
     // Poor findings are never marked as measured.
     let mut wrong = Scene::new(100.0).play(&truth);
     wrong.acceleration = noise(wrong.drive.len(), 3);
-    let poor = identify(&[wrong.recording()], &base, held()).unwrap();
+    let poor = identified(&[wrong], &base, held());
     let text = write_profile(&poor, &base, None);
     assert!(text.contains("Trust: poor") && read(text).quantities().iter().all(|(_, q)| q.estimate));
 }

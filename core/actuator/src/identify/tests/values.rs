@@ -30,7 +30,7 @@ fn two_handles_give_all_figures_within_5_percent() {
         let mut base = profile(4.0, 1000.0, 1.0, 1.0);
         base.moving_mass.estimate = true;
         let tapes = masses.map(|g| Scene { delay, seed: g as u64, ..Scene::new(g) }.play(&truth));
-        let f = identify(&tapes.each_ref().map(Tape::recording), &base, held()).unwrap();
+        let f = identified(&tapes, &base, held());
         assert!(f.moving_mass_measured && within(&f, &truth, 0.05), "{:?} {f:?}", errors(&f, &truth));
         assert_eq!(f.trust, Trust::Good, "{:?}", f.notes);
         for (m, mass) in f.recordings.iter().zip(masses) {
@@ -46,8 +46,7 @@ fn two_handles_give_all_figures_within_5_percent() {
 fn one_recording_gives_all_with_the_base_moving_mass() {
     for (truth, masses, delay) in various() {
         for mass in masses {
-            let tape = Scene { delay, ..Scene::new(mass) }.play(&truth);
-            let f = identify(&[tape.recording()], &truth, held()).unwrap();
+            let f = identified(&[Scene { delay, ..Scene::new(mass) }.play(&truth)], &truth, held());
             assert!(!f.moving_mass_measured && within(&f, &truth, 0.05), "{:?}", errors(&f, &truth));
             assert_eq!(f.trust, Trust::Good, "{:?}", f.notes);
         }
@@ -61,12 +60,12 @@ fn voltage_gives_all_figures_with_a_known_coil() {
         let tapes = [20.0, 200.0].map(|g| {
             Scene { drive: Drive::Voltage, amplitude: 0.4, delay: 123.45, ..Scene::new(g) }.play(&truth)
         });
-        let f = identify(&tapes.each_ref().map(Tape::recording), &truth, settings).unwrap();
+        let f = identified(&tapes, &truth, settings);
         assert!(f.moving_mass_measured && within(&f, &truth, 0.05), "{:?} {f:?}", errors(&f, &truth));
         // With a resistance 2 % off, k_f^2 / R looks like the suspension's damping.
         let mut off = truth.clone();
         off.resistance.value *= 1.02;
-        let g = identify(&tapes.each_ref().map(Tape::recording), &off, settings).unwrap();
+        let g = identified(&tapes, &off, settings);
         for (it, truth) in [(g.damping, &truth.damping), (g.force_factor, &truth.force_factor)] {
             assert!(it.low < truth.value && it.high > truth.value, "{it:?}");
         }
@@ -80,12 +79,11 @@ fn one_recording_notes_the_unknown_moving_mass() {
     let mut base = truth.clone();
     base.moving_mass.value *= 1.3;
     base.moving_mass.estimate = true;
-    let f = identify(&[tape.recording()], &base, held()).unwrap();
+    let f = identified(&[tape], &base, held());
     assert!(!f.moving_mass_measured && (f.moving_mass.value / base.moving_mass.value - 1.0).abs() < 1e-3);
     assert_eq!(f.trust, Trust::Fair);
     assert!(f.notes.iter().any(|n| n.contains("cannot tell the moving mass")), "{:?}", f.notes);
-    // Too large by as much, but the intervals cover the truth, and the single recording's figures are
-    // right.
+    // Too large by as much, but the intervals cover the truth, and the single recording's figures are right.
     assert!(f.stiffness.value > 1.2 * truth.stiffness.value && f.stiffness.low < truth.stiffness.value);
     assert!(f.damping.low < truth.damping.value);
     let d = Dynamics::new(&truth, 100.0).unwrap();
@@ -98,9 +96,8 @@ fn one_recording_notes_the_unknown_moving_mass() {
 fn uncertain_handle_mass_widens_intervals() {
     let truth = hapcoil();
     let tapes = [20.0, 200.0].map(|g| Scene::new(g).play(&truth));
-    let recordings = tapes.each_ref().map(Tape::recording);
     let at = |handle_mass_uncertainty| {
-        identify(&recordings, &truth, IdentifySettings { handle_mass_uncertainty, ..held() }).unwrap()
+        identified(&tapes, &truth, IdentifySettings { handle_mass_uncertainty, ..held() })
     };
     let (well, badly) = (at(0.001), at(0.1));
     assert!(badly.stiffness.relative() > 5.0 * well.stiffness.relative());
@@ -113,7 +110,7 @@ fn uncertain_handle_mass_widens_intervals() {
 fn fitted_response_is_the_transfer_function() {
     let truth = hapcoil();
     let tape = Scene { delay: 12.6, ..Scene::new(100.0) }.play(&truth);
-    let f = identify(&[tape.recording()], &truth, held()).unwrap();
+    let f = identified(&[tape], &truth, held());
     let closed = Dynamics::new(&truth, 100.0).unwrap().acceleration_per_current();
     let turned = |a: f64| (a + 3.0 * PI).rem_euclid(TAU) - PI;
     assert!(f.curves[0].len() > 100);
@@ -147,7 +144,7 @@ fn fit_agrees_with_scipy_within_a_quarter_interval() {
     add_noise(&mut heard, &scene);
     let tape =
         Tape { drive: asked, acceleration: heard.iter().map(|x| *x as f32).collect(), limited: false, scene };
-    let f = identify(&[tape.recording()], &truth, held()).unwrap();
+    let f = identified(&[tape], &truth, held());
     let m = &f.recordings[0];
     let close = |e: Estimate, scipy: f64, interval: f64| {
         assert!((e.value / scipy - 1.0).abs() < 0.25 * interval, "{e:?} {scipy}");
@@ -166,8 +163,7 @@ fn intervals_hold_the_truth_about_19_times_in_20() {
     let (mut inside, mut all) = (0, 0);
     for seed in 0..50 {
         let scene = Scene { seconds: 1.0, snr_db: 10.0, seed, ..Scene::new(100.0) };
-        let tape = scene.play(&truth);
-        let f = identify(&[tape.recording()], &truth, held()).unwrap();
+        let f = identified(&[scene.play(&truth)], &truth, held());
         let m = &f.recordings[0];
         let gain = truth.force_factor.value / 0.1;
         for (e, value) in

@@ -31,6 +31,17 @@ impl Hostile {
     }
 }
 
+/// Judges what `device` makes of hostile samples, by their number.
+fn judged(drive: Drive, samples: usize, mut device: impl FnMut(usize, f32) -> f32) -> Judge {
+    let mut judge = Judge::new(limiter(drive).limits(), hapcoil(100.0), drive, RATE);
+    let mut hostile = Hostile::new();
+    for n in 0..samples {
+        let x = hostile.next(judge.coil.relative_speed());
+        judge.see(device(n, x)).unwrap();
+    }
+    judge
+}
+
 #[test]
 fn guard_leaves_samples_of_a_limiter_to_the_bit() {
     for drive in [Drive::Current, Drive::Voltage] {
@@ -38,18 +49,16 @@ fn guard_leaves_samples_of_a_limiter_to_the_bit() {
         // Full scale is 0.75 A or V, as on a card: no power of two.
         let unit = 0.75 * limiter.limits().peak;
         let mut guard = limiter.guard();
-        let (mut hostile, mut judge) =
-            (Hostile::new(), Judge::new(limiter.limits(), hapcoil(100.0), drive, RATE));
-        for n in 0..960_000 {
+        judged(drive, 960_000, |n, x| {
             let mut y = [0.0];
             limiter.set_muted(n / 20_000 % 5 == 4);
-            limiter.process(&[hostile.next(judge.coil.relative_speed())], &mut y);
-            judge.see(y[0]).unwrap();
+            limiter.process(&[x], &mut y);
             let sample = (f64::from(y[0]) / unit) as f32;
             let mut held = [sample];
             guard.hold(&mut held, 1, unit);
             assert_eq!(held[0].to_bits(), sample.to_bits(), "{drive:?} sample {n}: {sample} to {}", held[0]);
-        }
+            y[0]
+        });
         assert!(limiter.report().rms > 0 && limiter.report().stroke > 0);
         let (coil, report) = (guard.coil(), limiter.report());
         assert!((coil.heat.sqrt() / report.rms_current - 1.0).abs() < 1e-4, "{coil:?}");
@@ -59,24 +68,19 @@ fn guard_leaves_samples_of_a_limiter_to_the_bit() {
 #[test]
 fn guard_holds_new_limiters_on_a_warm_coil() {
     for (every, drive) in [(0.05, Drive::Current), (0.3, Drive::Current), (0.3, Drive::Voltage)] {
-        let mut it = limiter(drive);
+        let (mut it, every) = (limiter(drive), (every * RATE) as usize);
         let mut guard = it.guard();
-        let limits = it.limits();
-        let (mut judge, mut alone) = (
-            Judge::new(limits, hapcoil(100.0), drive, RATE),
-            Judge::new(limits, hapcoil(100.0), drive, RATE),
-        );
-        let (mut hostile, every) = (Hostile::new(), (every * RATE) as usize);
-        for n in 0..480_000 {
+        let mut alone = Judge::new(it.limits(), hapcoil(100.0), drive, RATE);
+        let judge = judged(drive, 480_000, |n, x| {
             if n % every == 0 {
                 it = limiter(drive);
             }
             let mut y = [0.0];
-            it.process(&[hostile.next(judge.coil.relative_speed())], &mut y);
+            it.process(&[x], &mut y);
             let _ = alone.see(y[0]);
             guard.hold(&mut y, 1, 1.0);
-            judge.see(y[0]).unwrap();
-        }
+            y[0]
+        });
         judge.verdict(0.01, 5.0).unwrap();
         // Limiters alone exceed the rating or the stroke.
         assert!(alone.verdict(0.01, 5.0).is_err(), "{} {}", alone.worst_rms, alone.worst_stroke);
@@ -88,22 +92,15 @@ fn guard_holds_new_limiters_on_a_warm_coil() {
 fn guard_holds_whatever_a_device_is_given() {
     for drive in [Drive::Current, Drive::Voltage] {
         let mut guard = limiter(drive).guard();
-        let mut judge = Judge::new(limiter(drive).limits(), hapcoil(100.0), drive, RATE);
-        let mut hostile = Hostile::new();
-        for n in 0..960_000 {
-            let x = hostile.next(judge.coil.relative_speed());
+        let judge = judged(drive, 960_000, |n, x| {
             let gate = if n / 370 % 2 == 0 { 1.0 } else { 0.0 };
             let mut y = [if n % 9973 == 0 { f32::NAN } else { x * gate }];
             guard.hold(&mut y, 1, 1.0);
-            judge.see(y[0]).unwrap();
-        }
+            y[0]
+        });
         judge.verdict(0.01, 5.0).unwrap();
-        assert!(
-            judge.worst_rms > 0.8 && judge.worst_stroke > 0.2,
-            "{} {}",
-            judge.worst_rms,
-            judge.worst_stroke
-        );
+        let (rms, stroke) = (judge.worst_rms, judge.worst_stroke);
+        assert!(rms > 0.8 && stroke > 0.2, "{rms} {stroke}");
     }
 }
 

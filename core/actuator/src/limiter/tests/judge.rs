@@ -35,12 +35,9 @@ impl Judge {
     }
 
     pub(super) fn see(&mut self, y: f32) -> Result<(), String> {
-        let l = self.limits;
-        if !y.is_finite() {
-            return Err(format!("{y} is not finite"));
-        }
-        let y = f64::from(y);
-        if y.abs() > l.peak {
+        let (l, y) = (self.limits, f64::from(y));
+        // NaN is in no range.
+        if !(-l.peak..=l.peak).contains(&y) {
             return Err(format!("{y} is over the peak {}", l.peak));
         }
         if (y - self.last).abs() > l.slew_per_sample {
