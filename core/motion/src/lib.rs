@@ -7,8 +7,6 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod axes;
-mod interpolate;
-mod minimum_jerk;
 mod read;
 mod stroke;
 mod table;
@@ -16,12 +14,11 @@ mod trajectory;
 mod tremor;
 
 pub use axes::AxisMap;
-pub use minimum_jerk::minimum_jerk;
 pub use read::{
     DEFAULT_MAX_GAP_S, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S,
     TrajectoryOptions,
 };
-pub use stroke::{Shape, Stroke, StrokeParams};
+pub use stroke::{Shape, Stroke, StrokeParams, minimum_jerk};
 pub use table::{Column, Table};
 pub use trajectory::{Cursor, Interpolation, Trajectory};
 pub use tremor::Tremor;

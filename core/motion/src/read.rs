@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Source};
 
-use super::interpolate::slopes;
+use super::trajectory::slopes;
 use super::{AxisMap, Column, Interpolation, Table, Trajectory};
 
 /// Largest time in a file, in seconds: room for a Unix time, none for one in milliseconds.
@@ -59,9 +59,8 @@ impl Trajectory {
     ///
     /// # Errors
     /// Each points at the cell: those of [`Table`]; a missing column; a value beyond the limits of this
-    /// module ([`MAX_ABS_TIME_S`], [`MAX_ABS_POSITION_MM`], [`MAX_ABS_FORCE_N`], 0 to
-    /// [`MAX_SPEED_MM_S`]); a clock that stands still or goes back; a gap longer than
-    /// `options.max_gap_s`; fewer than two rows.
+    /// module ([`MAX_ABS_TIME_S`], [`MAX_ABS_POSITION_MM`], [`MAX_ABS_FORCE_N`], 0 to [`MAX_SPEED_MM_S`]); a
+    /// clock that stands still or goes back; a gap longer than `options.max_gap_s`; fewer than two rows.
     pub fn parse(source: &Arc<Source>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
         let mut table = Table::open(source, &COLUMNS, HEADER_HELP)?;
         if let Some(missing) = (0..FORCE).find(|column| !table.has(*column)) {

@@ -5,8 +5,24 @@ use std::f64::consts::TAU;
 
 use asperity_diagnostics::Diagnostic;
 
-use super::minimum_jerk::minimum_jerk_ramp_integral;
-use super::{Sample, Tremor, minimum_jerk, quantise};
+use super::{Sample, Tremor, quantise};
+
+/// Travelled part of the way, 0 to 1, at the part `s` of the time of a minimum-jerk movement. `s` is clamped
+/// to 0..=1.
+///
+/// T. Flash, N. Hogan, "The coordination of arm movements: an experimentally confirmed mathematical model",
+/// J. Neuroscience 5(7), 1985. The movement with the least squared jerk over a distance in a given time is a
+/// straight line travelled as 10 s^3 - 15 s^4 + 6 s^5.
+pub fn minimum_jerk(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s * s * s * (10.0 + s * (6.0 * s - 15.0))
+}
+
+/// Integral of [`minimum_jerk`] from 0 to `s`: the way if the *speed* rises so. It is 1/2 at `s` = 1.
+fn minimum_jerk_ramp_integral(s: f64) -> f64 {
+    let s = s.clamp(0.0, 1.0);
+    s.powi(4) * (2.5 + s * (s - 3.0))
+}
 
 /// Path of a stroke on the surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,8 +80,7 @@ pub struct StrokeParams {
 }
 
 impl Default for StrokeParams {
-    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with a sensor step of 0.055
-    /// mm.
+    /// An 80 mm zigzag at 100 mm/s and 1 N for 8 s on a floor of 0.5 N/mm, with a sensor step of 0.055 mm.
     fn default() -> Self {
         Self {
             shape: Shape::Zigzag,

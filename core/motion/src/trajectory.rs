@@ -1,7 +1,6 @@
 //! A recorded stroke, at any rate and also irregular.
 
 use super::Sample;
-use super::interpolate::hermite;
 
 /// Interpolation of positions between rows. Force and speed are always interpolated linearly.
 ///
@@ -95,6 +94,58 @@ impl Trajectory {
     }
 }
 
+/// Slopes of every axis at the rows; see [`pchip_slopes`].
+pub(super) fn slopes(time: &[f64], position: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    let [x, y, z] = [0, 1, 2].map(|axis| {
+        let values: Vec<f64> = position.iter().map(|p| p[axis]).collect();
+        pchip_slopes(time, &values)
+    });
+    x.into_iter().zip(y).zip(z).map(|((x, y), z)| [x, y, z]).collect()
+}
+
+/// Slopes of the shape-preserving piecewise cubic (PCHIP) through `(x, y)`: F. N. Fritsch, J. Butland, "A
+/// method for constructing local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984,
+/// with three-point ends limited as there. `x` rises strictly. Both have one length, 2 or more.
+fn pchip_slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
+    let step: Vec<f64> = x.windows(2).map(|w| w[1] - w[0]).collect();
+    let secant: Vec<f64> = y.windows(2).zip(&step).map(|(w, h)| (w[1] - w[0]) / h).collect();
+    let mut slope = vec![0.0; y.len()];
+    let ends = secant.len();
+    if ends <= 1 {
+        slope.fill(secant.first().copied().unwrap_or(0.0));
+        return slope;
+    }
+    for k in 1..ends {
+        let (a, b) = (secant[k - 1], secant[k]);
+        if a * b > 0.0 {
+            let (wa, wb) = (2.0 * step[k] + step[k - 1], step[k] + 2.0 * step[k - 1]);
+            slope[k] = (wa + wb) / (wa / a + wb / b);
+        }
+    }
+    slope[0] = end_slope(step[0], step[1], secant[0], secant[1]);
+    slope[ends] = end_slope(step[ends - 1], step[ends - 2], secant[ends - 1], secant[ends - 2]);
+    slope
+}
+
+/// Slope at an end, from the two nearest steps and secants, nearest first.
+fn end_slope(h0: f64, h1: f64, m0: f64, m1: f64) -> f64 {
+    let d = ((2.0 * h0 + h1) * m0 - h0 * m1) / (h0 + h1);
+    if d * m0 <= 0.0 {
+        0.0
+    } else if m0 * m1 <= 0.0 && d.abs() > 3.0 * m0.abs() {
+        3.0 * m0
+    } else {
+        d
+    }
+}
+
+/// The cubic with values `y0`, `y1` and slopes `d0`, `d1` over a step `h`, at the part `s` of it.
+fn hermite(y0: f64, y1: f64, d0: f64, d1: f64, h: f64, s: f64) -> f64 {
+    let rise = y1 - y0;
+    let (a, b) = (h * d0 - rise, rise - h * d1);
+    y0 + s * (rise + (1.0 - s) * ((1.0 - s) * a + s * b))
+}
+
 #[cfg(test)]
 mod tests {
     use super::super::{TrajectoryOptions, minimum_jerk};
@@ -175,33 +226,22 @@ mod tests {
             clock += 0.020 + 0.027 * uniform(5, n);
         }
         let t = made(&text, kind);
-        let (mut recorded, mut true_, mut sum) = (LowPass::default(), LowPass::default(), 0.0);
+        // Two poles at 20 Hz.
+        let low_pass = |[v, w]: [f64; 2], x: f64| {
+            let v = v + 0.22 * (x - v);
+            [v, w + 0.22 * (v - w)]
+        };
+        let (mut recorded, mut true_, mut sum) = ([0.0; 2], [0.0; 2], 0.0);
         let mut before = truth(0.0);
         for i in 1..550 {
             let at = f64::from(i) * 0.002;
             let x = t.sample(at).position[0];
-            let a = recorded.step((x - before) / 0.002);
-            let b = true_.step((truth(at) - truth(at - 0.002)) / 0.002);
+            recorded = low_pass(recorded, (x - before) / 0.002);
+            true_ = low_pass(true_, (truth(at) - truth(at - 0.002)) / 0.002);
             before = x;
-            sum += (a - b).powi(2);
+            sum += (recorded[1] - true_[1]).powi(2);
         }
         (sum / 549.0_f64).sqrt()
-    }
-
-    /// A 20 Hz second-order Butterworth low-pass at 500 Hz, by the bilinear transform.
-    #[derive(Default)]
-    struct LowPass([f64; 4]);
-
-    impl LowPass {
-        fn step(&mut self, x: f64) -> f64 {
-            let k = (std::f64::consts::PI * 20.0 / 500.0).tan();
-            let a0 = 1.0 + std::f64::consts::SQRT_2 * k + k * k;
-            let [x1, x2, y1, y2] = self.0;
-            let feedback = 2.0 * (k * k - 1.0) * y1 + (1.0 - std::f64::consts::SQRT_2 * k + k * k) * y2;
-            let y = (k * k * (x + 2.0 * x1 + x2) - feedback) / a0;
-            self.0 = [x, x1, y, y1];
-            y
-        }
     }
 
     #[test]
@@ -210,4 +250,36 @@ mod tests {
         println!("velocity error, mm/s rms: cubic {cubic:.3}, linear {line:.3}");
         assert!(cubic < 0.5 * line, "cubic {cubic}, linear {line}");
     }
+
+    /// ```python
+    /// from scipy.interpolate import PchipInterpolator as P
+    /// x = [0, 0.021, 0.05, 0.062, 0.11, 0.14]; y = [0, 1.5, 2.0, 5.0, 4.0, 4.5]
+    /// p = P(x, y); print(p.derivative()(x), p([0.01, 0.04, 0.055, 0.08, 0.12, 0.139]))
+    /// ```
+    #[test]
+    fn slopes_and_values_are_those_of_scipy() {
+        let x = [0.0, 0.021, 0.05, 0.062, 0.11, 0.14];
+        let y = [0.0, 1.5, 2.0, 5.0, 4.0, 4.5];
+        let d = pchip_slopes(&x, &y);
+        for (got, want) in d.iter().zip(SCIPY_SLOPES) {
+            assert!((got - want).abs() < 1e-9 * (1.0 + want.abs()), "{d:?}");
+        }
+        for (t, want) in [0.01, 0.04, 0.055, 0.08, 0.12, 0.139].into_iter().zip(SCIPY_VALUES) {
+            let i = x.partition_point(|v| *v <= t) - 1;
+            let h = x[i + 1] - x[i];
+            let got = hermite(y[i], y[i + 1], d[i], d[i + 1], h, (t - x[i]) / h);
+            assert!((got - want).abs() < 1e-9, "{t}: {got} {want}");
+        }
+    }
+
+    const SCIPY_SLOPES: [f64; 6] =
+        [94.18719211822662, 28.713629402756503, 36.67262969588551, 0.0, 0.0, 31.08974358974358];
+    const SCIPY_VALUES: [f64; 6] = [
+        0.883275209212878,
+        1.7700956733457556,
+        3.1908666269131376,
+        4.68359375,
+        4.060541310541311,
+        4.469318732193732,
+    ];
 }
