@@ -87,3 +87,11 @@ pub(crate) fn pictures(paths: &[PathBuf]) -> Result<(Parts<Image>, Vec<Note>), D
 pub(crate) fn held_of(count: usize) -> usize {
     if count < 2 { 0 } else { (count / 5).max(1) }
 }
+
+/// Writes a grey picture of 320 x 240 pixels.
+#[cfg(test)]
+pub(crate) fn write_picture(path: &Path, grey: u8) {
+    let mut encoder = png::Encoder::new(std::fs::File::create(path).unwrap(), 320, 240);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.write_header().unwrap().write_image_data(&vec![grey; 320 * 240 * 3]).unwrap();
+}

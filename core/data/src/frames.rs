@@ -46,11 +46,10 @@ impl Spectrometer {
         self.window.len()
     }
 
-    /// Amplitudes `2 |sum w x| / sum w` at 10, 20, .. 1000 Hz with Hann's window `w`. Several axes
-    /// count as one signal: the root of their summed squares, which keeps each axis' energy (Landin,
-    /// Romano, McMahan, Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for
-    /// haptic rendering"). Bins above half the rate are 0. Axes of another [length](Self::length) count
-    /// as far as they go.
+    /// Amplitudes `2 |sum w x| / sum w` at 10, 20, .. 1000 Hz with Hann's window `w`. Several axes count as
+    /// one signal: the root of their summed squares, which keeps each axis' energy (Landin, Romano, McMahan,
+    /// Kuchenbecker 2010, "Dimensional reduction of high-frequency accelerations for haptic rendering"). Bins
+    /// above half the rate are 0. Axes of another [length](Self::length) count as far as they go.
     pub fn magnitudes(&mut self, axes: &[&[f64]]) -> [f32; BINS] {
         let mut powers = [0.0; BINS];
         let scale = 2.0 / self.window.iter().sum::<f64>();

@@ -1,7 +1,10 @@
 //! The network's inputs as the chain measures them, with the sensor's faults, and their true values.
 
+use asperity_dsp::frame::BINS;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
 use asperity_numbers::Random;
+
+use crate::example::Example;
 
 /// Samples in a history.
 pub const HISTORY: usize = 10;
@@ -64,6 +67,11 @@ impl History {
         history
     }
 
+    /// An example with the magnitudes that follow.
+    pub(crate) fn example(&self, magnitudes: [f32; BINS]) -> Example {
+        Example { force: self.force, velocity: self.velocity, magnitudes, other: None }
+    }
+
     fn push(&mut self, force: f64, measured: [f64; 2], clean: [f64; 2]) {
         self.force.rotate_left(1);
         self.velocity[..HISTORY].rotate_left(1);
@@ -76,8 +84,7 @@ impl History {
     }
 }
 
-/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with
-/// speed.
+/// Velocity as the chain measures it: a finite difference and a second-order low-pass that opens with speed.
 #[derive(Clone, Debug, Default)]
 struct Velocity {
     filters: [LowPass; 2],

@@ -1,7 +1,7 @@
-//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures
-//! as autoregressive models, with photographs (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One
-//! hundred data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its
-//! licence forbids passing the files on; none are in this project.
+//! The Penn Haptic Texture Toolkit, from a folder that the user has downloaded: a hundred real textures as
+//! autoregressive models, with photographs (Culbertson, Lopez Delgado, Kuchenbecker 2014, "One hundred
+//! data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its licence
+//! forbids passing the files on; none are in this project.
 //!
 //! # What is looked for
 //!
@@ -13,11 +13,10 @@
 //!
 //! # What examples are
 //!
-//! Strokes are [drawn](crate::History::draw). Magnitudes are not those of a signal, but the root mean
-//! square of all signals, from the models' [closed form](asperity_autoregressive): targets without
-//! noise. The 20 ms before a frame have weights 1, 2, .. 10, the newest most, so that a contact that
-//! began 6 ms ago counts for what it is. Speeds and forces outside the recordings count as the nearest
-//! recorded ones.
+//! Strokes are [drawn](crate::History::draw). Magnitudes are not those of a signal, but the root mean square
+//! of all signals, from the models' [closed form](asperity_autoregressive): targets without noise. The 20 ms
+//! before a frame have weights 1, 2, .. 10, the newest most, so that a contact that began 6 ms ago counts for
+//! what it is. Speeds and forces outside the recordings count as the nearest recorded ones.
 //!
 //! A model of 1000 Hz says nothing above 500 Hz. Its magnitudes there are 0, as in the toolkit's own
 //! rendering. A network trained on them is silent there too.
@@ -79,9 +78,7 @@ pub fn read(folder: &Path, settings: &Settings) -> Result<Vec<Subject>, Diagnost
     for picture in files.iter().filter(|f| folder::is_picture(f)) {
         let name = key(picture);
         let owner = found.iter_mut().filter(|m| name.starts_with(&m.key)).max_by_key(|m| m.key.len());
-        if let Some(owner) = owner {
-            owner.pictures.push(picture.clone());
-        }
+        owner.into_iter().for_each(|owner| owner.pictures.push(picture.clone()));
     }
     let mut seeds = Random::new(settings.seed);
     let seeded: Vec<(Found, u64)> = found.into_iter().map(|material| (material, seeds.bits())).collect();
@@ -112,10 +109,10 @@ fn materials(files: &[PathBuf]) -> Result<Vec<Found>, Diagnostic> {
 
 /// The part of a file's name that counts.
 fn key(path: &Path) -> String {
-    let plain: String =
-        folder::stem(path).chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
+    let stem = folder::stem(path);
+    let plain: String = stem.chars().filter(|c| c.is_alphanumeric()).flat_map(char::to_lowercase).collect();
     let rest = PREFIXES.iter().find_map(|p| plain.strip_prefix(p)).filter(|rest| !rest.is_empty());
-    rest.map_or(plain.clone(), str::to_owned)
+    rest.map(str::to_owned).unwrap_or(plain)
 }
 
 /// A file's name for people.
@@ -123,8 +120,8 @@ fn title(path: &Path) -> String {
     let stem = folder::stem(path);
     let lower = stem.to_ascii_lowercase();
     let rest = PREFIXES.iter().find_map(|p| {
-        let separated = lower.strip_prefix(p)?.starts_with(['_', ' ', '-']);
-        separated.then(|| stem.get(p.len() + 1..)).flatten().filter(|rest| !rest.is_empty())
+        let rest = lower.strip_prefix(p)?.strip_prefix(['_', ' ', '-']).filter(|rest| !rest.is_empty())?;
+        stem.get(stem.len() - rest.len()..)
     });
     rest.unwrap_or(&stem).replace('_', " ")
 }
@@ -138,8 +135,8 @@ fn subject(material: &Found, settings: &Settings, seed: u64) -> Result<Subject, 
     let mut seeds = Random::new(seed);
     let mut draw = |count: usize| -> Vec<Example> {
         let mut random = Random::new(seeds.bits());
-        let one = |_| example(&History::draw(&mut random), &material.texture, &frames);
-        (0..count).map(one).collect()
+        let histories = (0..count).map(|_| History::draw(&mut random));
+        histories.map(|history| example(&history, &material.texture, &frames)).collect()
     };
     let [train, held] = settings.examples;
     let (images, notes) = folder::pictures(&material.pictures)?;
@@ -162,12 +159,7 @@ fn example(history: &History, texture: &Texture, frames: &Frames) -> Example {
             *sum += weight * p;
         }
     }
-    Example {
-        force: history.force,
-        velocity: history.velocity,
-        magnitudes: power.map(|p| p.sqrt() as f32),
-        other: None,
-    }
+    history.example(power.map(|p| p.sqrt() as f32))
 }
 
 /// Weight of sample `i` of a history of `n`, oldest first. The weights sum to 1.
@@ -175,7 +167,5 @@ fn weight(i: usize, n: usize) -> f64 {
     2.0 * (i + 1) as f64 / (n * (n + 1)) as f64
 }
 
-#[cfg(test)]
-mod facts_tests;
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,7 @@
 //! Invented model sets in every form.
 
 use super::*;
-use crate::folder_testing::picture;
+use crate::folder::write_picture as picture;
 use asperity_autoregressive::line_spectrum;
 
 /// Writes a model of a set.

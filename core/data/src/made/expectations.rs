@@ -3,7 +3,7 @@ use asperity_numbers::Random;
 use asperity_surfaces::stylus::{SAMPLE_HZ, Tool};
 use asperity_surfaces::topography::MadeSurface;
 
-use super::strokes::{Drawn, accelerations, examples};
+use super::strokes::{Drawn, along, examples};
 use super::{GRID, Settings};
 use crate::example::{Example, Expectation};
 use crate::frames::Spectrometer;
@@ -27,7 +27,8 @@ pub fn expectations(
             for _ in 0..places {
                 let length = envelope.length_mm();
                 let place = [random.range(0.0, length), random.range(0.0, length)];
-                let felt = accelerations(&envelope, surface.contact, drawn, place);
+                let samples = (drawn.exact.duration_s() * f64::from(SAMPLE_HZ)) as usize;
+                let felt = along(&envelope, surface.contact, samples, |n| drawn.hand(n), place);
                 let here = examples(drawn, &felt, &mut spectrometer);
                 if sums.is_empty() {
                     sums.extend(here.into_iter().map(Sum::new));

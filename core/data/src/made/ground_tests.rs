@@ -1,9 +1,19 @@
 use asperity_accuracy::accuracy::{Spectrogram, compare, waveform_db};
 use asperity_motion::{Shape, StrokeParams};
+use std::sync::LazyLock;
 
 use super::super::expectations;
 use super::super::strokes::Drawn;
 use super::*;
+
+/// Two pieces of a surface each, made once for all tests.
+static CANVAS: LazyLock<[Ground; 2]> = LazyLock::new(|| pieces("canvas"));
+static SANDPAPER: LazyLock<[Ground; 2]> = LazyLock::new(|| pieces("sandpaper P120"));
+
+fn pieces(name: &str) -> [Ground; 2] {
+    let surface = surface(name).unwrap();
+    [3, 4].map(|seed| Ground::new(&surface, seed))
+}
 
 /// A circle at one speed and force.
 fn hand(mean_speed_mm_s: f64, force_n: f64, duration_s: f64) -> Hand {
@@ -28,13 +38,13 @@ fn seen(felt: &Felt) -> Spectrogram {
 #[test]
 fn two_seeds_agree_in_spectrum_and_differ_in_waveform() {
     let hand = hand(100.0, 1.0, 8.0);
-    for name in ["canvas", "sandpaper P120"] {
-        let surface = surface(name).unwrap();
-        let ground = Ground::new(&surface, 3);
+    let glass = seen(&Ground::new(&surface("float glass").unwrap(), 3).felt(&hand, 1));
+    for (name, [ground, another]) in [("canvas", &*CANVAS), ("sandpaper P120", &*SANDPAPER)] {
         let [one, other] = [1, 2].map(|seed| ground.felt(&hand, seed));
+        let truth = [seen(&one)];
         // Draws of a noise of 8 s differ by 0.5 dB (asperity-accuracy). These pass over the same 20 mm
         // twelve times.
-        let place = compare(&seen(&other), &[seen(&one)]).unwrap();
+        let place = compare(&seen(&other), &truth).unwrap();
         assert!(place.level_db.abs() < 0.5 && (0.4..1.3).contains(&place.spectrum_db), "{name}: {place:?}");
         assert!(place.perceptual > 0.95, "{name}: {place:?}");
         // Two independent signals of one level: 3 dB.
@@ -43,11 +53,12 @@ fn two_seeds_agree_in_spectrum_and_differ_in_waveform() {
             assert!((1.5..5.5).contains(&apart), "{name}: {apart}");
         }
         // Pieces differ by 3 % in pitch and 8 % in height.
-        let piece = compare(&seen(&Ground::new(&surface, 4).felt(&hand, 1)), &[seen(&one)]).unwrap();
+        let another = another.felt(&hand, 1);
+        assert_ne!(another, one);
+        let piece = compare(&seen(&another), &truth).unwrap();
         assert!(piece.level_db.abs() < 1.5 && piece.spectrum_db < 2.0 && piece.perceptual > 0.9, "{piece:?}");
         // Another surface differs.
-        let other = super::surface("float glass").unwrap();
-        let far = compare(&seen(&Ground::new(&other, 3).felt(&hand, 1)), &[seen(&one)]).unwrap();
+        let far = compare(&glass, &truth).unwrap();
         assert!(far.level_db < -20.0 && far.perceptual < 0.2, "{name}: {far:?}");
     }
 }
@@ -66,7 +77,7 @@ fn recorded_stroke_feels_as_before_sensor_rounding() {
     let source = asperity_diagnostics::Source::new("t.csv", &text);
     let recorded = Trajectory::parse(&source, &Default::default()).unwrap();
     let raw = Hand::new(4.0, |t| recorded.sample(t).position).unwrap();
-    let ground = Ground::new(&surface("canvas").unwrap(), 3);
+    let ground = &CANVAS[0];
     let want = [seen(&ground.felt(&exact, 1))];
     let error = |hand: &Hand| compare(&seen(&ground.felt(hand, 1)), &want).unwrap();
     let (found, struck) = (error(&Hand::trajectory(&recorded).unwrap()), error(&raw));
@@ -92,9 +103,11 @@ fn levels_are_those_of_the_expectations_over_many_places() {
     // bin is left out. A sine's amplitude A has a power of A^2 / 3.
     let want: f64 = expected.iter().flat_map(|e| &e.rms[1..]).map(|m| f64::from(m * m) / 3.0).sum::<f64>()
         / expected.len() as f64;
+    let another = Ground::new(&surface, 0);
+    let grounds = [&SANDPAPER[0], &SANDPAPER[1], &another];
     let levels: Vec<f64> = (0..6)
         .map(|seed| {
-            let felt = Ground::new(&surface, seed / 2).felt(&hand, seed);
+            let felt = grounds[seed as usize % 3].felt(&hand, seed);
             10.0 * (seen(&felt).mean(0..usize::MAX).iter().sum::<f64>() / want).log10()
         })
         .collect();
@@ -104,30 +117,27 @@ fn levels_are_those_of_the_expectations_over_many_places() {
 
 #[test]
 fn wide_piece_does_not_repeat_where_another_does() {
-    let surface = surface("sandpaper P120").unwrap();
+    let wide = Ground::wide(&surface("sandpaper P120").unwrap(), 3, 30.0);
     let hand = Hand::new(1.0, |t| [64.0 * t, 0.0, -2.0]).unwrap();
     // At 64 mm/s a piece of 20.48 mm repeats after 0.32 s.
-    let alike = |least_mm: f64| {
-        let felt = Ground::wide(&surface, 3, least_mm).felt(&hand, 1);
+    let alike = |ground: &Ground| {
+        let felt = ground.felt(&hand, 1);
         let normal = &felt.axes()[0][2000..];
         let later = &normal[3200..];
         let sum = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let now = &normal[..later.len()];
         sum(now, later) / (sum(now, now) * sum(later, later)).sqrt()
     };
-    let [narrow, wide] = [0.0, 30.0].map(alike);
+    let [narrow, wide] = [&SANDPAPER[0], &wide].map(alike);
     assert!(narrow > 0.9 && wide.abs() < 0.2, "{narrow} {wide}");
 }
 
 #[test]
 fn seeds_make_bits_and_air_is_silent() {
-    let surface = surface("oak").unwrap();
     let hand = hand(80.0, 0.8, 1.5);
-    let ground = Ground::new(&surface, 5);
-    let felt = ground.felt(&hand, 9);
-    assert_eq!(felt, Ground::new(&surface, 5).felt(&hand, 9));
-    assert_ne!(felt, ground.felt(&hand, 10));
-    assert_ne!(felt, Ground::new(&surface, 6).felt(&hand, 9));
+    let felt = CANVAS[0].felt(&hand, 9);
+    assert_eq!(felt, Ground::new(&surface("canvas").unwrap(), 3).felt(&hand, 9));
+    assert_ne!(felt, CANVAS[0].felt(&hand, 10));
     assert!((felt.duration_s() - 1.5).abs() < 1e-9 && felt.axes().len() == 3);
     let touched: Vec<bool> = hand.position_mm()[1..].iter().map(|p| p[2] < 0.0).collect();
     assert!(touched.iter().any(|t| *t) && touched.iter().any(|t| !t));

@@ -1,12 +1,11 @@
 //! Data made by physics: the [made surfaces](made_surfaces), seen by a tactile sensor and stroked by a
 //! simulated pen.
 //!
-//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to
-//! judge by. So no place and no stroke to judge by was ever seen. Two surfaces of each family are never
-//! trained on.
+//! A surface is seen and stroked on pieces of its own, each from a seed: some to train on, others to judge
+//! by. So no place and no stroke to judge by was ever seen. Two surfaces of each family are never trained on.
 //!
-//! A stroke is a line, a zigzag or a circle in any direction, of up to 300 mm/s and 3.5 N, with a
-//! swinging force. Without force the pen is in the air and feels nothing.
+//! A stroke is a line, a zigzag or a circle in any direction, of up to 300 mm/s and 3.5 N, with a swinging
+//! force. Without force the pen is in the air and feels nothing.
 
 mod expectations;
 mod ground;
@@ -23,6 +22,8 @@ use asperity_texture::picture::Image;
 use rayon::prelude::*;
 
 pub use expectations::expectations;
+#[cfg(test)]
+pub(crate) use ground::strokes_over;
 pub use ground::{FORCE_N, Ground, pattern, pitch_mm, straight_strokes, surface};
 pub use strokes::{BEYOND_FORCE_N, BEYOND_SPEED_MM_S, Drawn};
 
@@ -73,8 +74,7 @@ fn unseen(number: usize) -> bool {
 /// Depth of the gel's press in mm.
 const DEPTH_MM: (f64, f64) = (0.2, 0.6);
 
-/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another
-/// camera.
+/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another camera.
 fn press(piece: &HeightField, count: usize, random: &mut Random, images: &mut Vec<Image>) {
     for _ in 0..count {
         let camera = Camera::another(random);
@@ -124,8 +124,7 @@ pub fn surfaces(every: usize) -> [Vec<MadeSurface>; 2] {
     [seen, apart].map(|part| part.into_iter().map(|(_, surface)| surface).step_by(every.max(1)).collect())
 }
 
-/// Subjects of two lists of surfaces, made on all cores. `done` is called after each with the number
-/// done.
+/// Subjects of two lists of surfaces, made on all cores. `done` is called after each with the number done.
 ///
 /// # Errors
 /// A [stroke](Settings::stroke_s) shorter than a second or longer than 1e6 s.
@@ -149,52 +148,59 @@ pub fn subjects(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::LazyLock;
 
     fn power(magnitudes: &[f32; 100]) -> f64 {
         magnitudes.iter().map(|m| f64::from(m * m)).sum()
     }
 
-    const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 4.0 };
+    const SMALL: Settings = Settings { seed: 3, pieces: [1, 1], images: 1, strokes: 1, stroke_s: 2.0 };
+
+    /// A surface with strokes of 16 s in all, for two tests.
+    static STROKED: LazyLock<Subject> = LazyLock::new(|| {
+        let settings = Settings { pieces: [1, 0], strokes: 4, stroke_s: 4.0, ..SMALL };
+        subject(&made_surfaces()[4], &settings).unwrap()
+    });
 
     #[test]
     fn same_settings_give_same_surface_with_independent_parts() {
-        let surface = &made_surfaces()[60];
-        let made = subject(surface, &SMALL).unwrap();
-        assert_eq!(made, subject(surface, &SMALL).unwrap());
+        let surfaces = &made_surfaces()[60..62];
+        let made = subject(&surfaces[0], &SMALL).unwrap();
         assert_eq!([made.images.train.len(), made.images.held.len()], [1, 1]);
         assert!(made.images.train != made.images.held);
-        assert!(made.examples.train.len() > 45 && made.examples.held.len() > 45);
         let Parts { train, held } = &made.examples;
+        assert!(train.len() > 20 && held.len() > 20);
         let moving = train.iter().filter(|e| e.velocity != [0.0; 20]);
         assert!(moving.clone().all(|e| held.iter().all(|h| h.velocity != e.velocity)));
-        assert_ne!(made, subject(surface, &Settings { seed: 4, ..SMALL }).unwrap());
-        let other = subject(&made_surfaces()[61], &SMALL).unwrap();
-        assert!(made.examples.train[30].velocity != other.examples.train[30].velocity, "stroked alike");
+        let train_of = |surface: &MadeSurface, seed: u64| {
+            let made = subject(surface, &Settings { seed, pieces: [1, 0], ..SMALL }).unwrap();
+            (made.images.train, made.examples.train)
+        };
+        assert_eq!(train_of(&surfaces[0], 3), (made.images.train.clone(), train.clone()));
+        let (images, seeded) = train_of(&surfaces[0], 4);
+        assert!(images != made.images.train && seeded != *train);
+        assert!(train[20].velocity != train_of(&surfaces[1], 3).1[20].velocity, "stroked alike");
     }
 
     #[test]
     fn vibration_grows_with_force_and_speed_and_is_zero_in_air() {
-        let made = subject(&made_surfaces()[4], &Settings { strokes: 4, ..SMALL }).unwrap();
         let level = |e: &Example| e.magnitudes.iter().map(|m| m * m).sum::<f32>().sqrt();
         let (mut loud, mut still) = (0, 0);
-        for example in &made.examples.train {
+        for example in &STROKED.examples.train {
             let (force, speed) = (example.force[9], example.velocity[9].hypot(example.velocity[19]));
             if force > 0.5 && speed > 60.0 {
                 assert!(level(example) > 0.1, "{force} N {speed} mm/s {}", level(example));
                 loud += 1;
             }
-            if example.force == [0.0; 10] && speed < 1.0 {
-                still += 1;
-            }
+            still += usize::from(example.force == [0.0; 10] && speed < 1.0);
         }
         assert!(loud > 50 && still > 3, "{loud} {still}");
     }
 
     #[test]
     fn made_stroke_is_felt_at_two_places() {
-        let made = subject(&made_surfaces()[4], &SMALL).unwrap();
         let (mut here, mut there, mut both) = (0.0, 0.0, 0.0);
-        for e in &made.examples.train {
+        for e in &STROKED.examples.train {
             let other = e.other.expect("another place");
             let product = e.magnitudes.iter().zip(other).map(|(a, b)| f64::from(a * b)).sum::<f64>();
             (here, there, both) = (here + power(&e.magnitudes), there + power(&other), both + product);

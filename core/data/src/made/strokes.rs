@@ -109,6 +109,11 @@ impl Drawn {
         Ok(Self { measured: Stroke::new(params)?, exact, turn: (TAU * random.unit()).sin_cos() })
     }
 
+    /// Place and height in mm of the hand at a sample of the simulation.
+    pub(super) fn hand(&self, sample: usize) -> ([f64; 2], f64) {
+        self.at(&self.exact, sample as f64 / f64::from(SAMPLE_HZ))
+    }
+
     /// Place of the sensor or the hand: along the surface, and over it, in mm.
     pub(super) fn at(&self, stroke: &Stroke, t: f64) -> ([f64; 2], f64) {
         let ([x, y, z], (sin, cos)) = (stroke.sample(t).position, self.turn);
@@ -117,20 +122,8 @@ impl Drawn {
 }
 
 /// Acceleration in m/s^2 along the normal and the surface, at [`SAMPLE_HZ`], of a pen on its
-/// [track](Tool::track) over a piece, for a stroke that begins at a place in mm.
-pub(super) fn accelerations(
-    envelope: &HeightField,
-    contact: Contact,
-    drawn: &Drawn,
-    place_mm: [f64; 2],
-) -> [Vec<f64>; 3] {
-    let samples = (drawn.exact.duration_s() * f64::from(SAMPLE_HZ)) as usize;
-    let at = |sample: usize| drawn.at(&drawn.exact, sample as f64 / f64::from(SAMPLE_HZ));
-    along(envelope, contact, samples, at, place_mm)
-}
-
-/// Like [`accelerations`] for any path: place in mm and height in mm at each sample from 0 to
-/// `samples`.
+/// [track](Tool::track) over a piece, for a stroke that begins at a place in mm. `at` gives place and height
+/// in mm at each sample from 0 to `samples`.
 pub(super) fn along(
     envelope: &HeightField,
     contact: Contact,
@@ -170,9 +163,8 @@ fn going_on(
     place_mm: [f64; 2],
     spectrometer: &mut Spectrometer,
 ) -> Vec<Example> {
-    let hand = |sample: usize| drawn.at(&drawn.exact, sample as f64 / f64::from(SAMPLE_HZ));
     let moment = |sample: usize| {
-        let ((before, _), (here, z)) = (hand(sample), hand(sample + 1));
+        let ((before, _), (here, z)) = (drawn.hand(sample), drawn.hand(sample + 1));
         (std::array::from_fn(|i| (here[i] - before[i]) * f64::from(SAMPLE_HZ)), force_n(z))
     };
     let mut recorder = Recorder::default();
@@ -189,9 +181,7 @@ fn going_on(
                 let axes = moved(&mut ahead, velocity, force);
                 felt.iter_mut().zip(axes).for_each(|(felt, a)| felt.push(a));
             }
-            let magnitudes = spectrometer.magnitudes(&felt.each_ref().map(Vec::as_slice));
-            let (force, velocity) = (history.force, history.velocity);
-            examples.push(Example { force, velocity, magnitudes, other: None });
+            examples.push(history.example(spectrometer.magnitudes(&felt.each_ref().map(Vec::as_slice))));
         }
         for sample in tick * SAMPLES..(tick + 1) * SAMPLES {
             let (velocity, force) = moment(sample);
@@ -211,9 +201,7 @@ pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut S
         let frame = tick * SAMPLES..tick * SAMPLES + FRAME;
         let axes = felt.each_ref().map(|axis| axis.get(frame.clone()));
         if let ([Some(a), Some(b), Some(c)], 0) = (axes, tick % EVERY) {
-            let magnitudes = spectrometer.magnitudes(&[a, b, c]);
-            let (force, velocity) = (history.force, history.velocity);
-            examples.push(Example { force, velocity, magnitudes, other: None });
+            examples.push(history.example(spectrometer.magnitudes(&[a, b, c])));
         }
     }
     examples

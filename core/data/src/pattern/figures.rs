@@ -1,8 +1,10 @@
 //! Kurtosis, modulation and repetition of a signal.
 
 use super::stroke::RATE_HZ;
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use std::cell::RefCell;
+use std::sync::Arc;
 
 /// Band of the wave in Hz.
 const BAND_HZ: (f64, f64) = (30.0, 1000.0);
@@ -20,8 +22,7 @@ pub struct Figures {
     /// Rms of the envelope from 15 to 25 Hz over the envelope's mean. The envelope is the size of the
     /// analytic signal.
     pub modulation: f64,
-    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without ripples slower than 5
-    /// Hz.
+    /// Largest autocorrelation of the envelope from 20 to 200 ms, 0 to 1, without ripples slower than 5 Hz.
     pub repetition: f64,
     /// The same for the wave.
     pub wave_repetition: f64,
@@ -70,9 +71,28 @@ fn repetition(bins: &[Complex64], length: usize) -> f64 {
     (from..=to).map(at).fold(0.0, f64::max)
 }
 
+/// Transforms of one length in both directions.
+type Plans = (usize, Arc<dyn RealToComplex<f64>>, Arc<dyn ComplexToReal<f64>>);
+
+thread_local! {
+    /// The last transforms: most signals have the length of the one before.
+    static LAST: RefCell<Option<Plans>> = const { RefCell::new(None) };
+}
+
+fn plans(length: usize) -> Plans {
+    LAST.with_borrow_mut(|last| match last {
+        Some(plans) if plans.0 == length => plans.clone(),
+        _ => {
+            let mut planner = RealFftPlanner::new();
+            let plans = (length, planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
+            last.insert(plans).clone()
+        }
+    })
+}
+
 /// Half a spectrum of samples, unscaled.
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex64> {
-    let plan = RealFftPlanner::new().plan_fft_forward(samples.len());
+    let (_, plan, _) = plans(samples.len());
     let (mut room, mut bins) = (samples.to_vec(), plan.make_output_vec());
     // The buffers have the plan's length.
     let done = plan.process(&mut room, &mut bins);
@@ -82,10 +102,10 @@ pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex64> {
 
 /// Samples of half a spectrum, over their number.
 pub(super) fn wave(bins: &[Complex64], length: usize) -> Vec<f64> {
-    let plan = RealFftPlanner::new().plan_fft_inverse(length);
+    let (_, _, plan) = plans(length);
     let (mut room, mut samples) = (plan.make_input_vec(), plan.make_output_vec());
     let inner = 1..room.len() - usize::from(length.is_multiple_of(2));
-    for (to, bin) in room[inner.clone()].iter_mut().zip(bins.iter().skip(1)) {
+    for (to, bin) in room[inner].iter_mut().zip(bins.iter().skip(1)) {
         *to = bin / length as f64;
     }
     let done = plan.process(&mut room, &mut samples);

@@ -22,6 +22,7 @@ use asperity_texture::Pattern;
 pub use figures::Figures;
 pub use stroke::{RATE_HZ, Stroke};
 
+use fit::Effort;
 use stroke::{Passage, TICK, TICK_S};
 
 /// Frames of magnitudes for the kernel per second.
@@ -46,6 +47,10 @@ pub type Network<'n> = dyn Fn([f64; 2]) -> [f64; BINS] + 'n;
 /// rendering should be like the strokes all the same. Without a steady passage there is no pattern. The
 /// same strokes give the same bits.
 pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
+    found(pieces, network, &Effort::FULL)
+}
+
+fn found(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>, effort: &Effort) -> Pattern {
     let mut passages: Vec<Vec<Passage>> =
         pieces.iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
     if let Some(network) = network {
@@ -53,7 +58,7 @@ pub fn find(pieces: &[Vec<Stroke>], network: Option<&Network<'_>>) -> Pattern {
     }
     let (waves, part) = waves::find(&passages[..passages.len().min(WAVE_PIECES)]);
     let all: Vec<&Passage> = passages.iter().flatten().collect();
-    fit::find(&all, &waves, part < MOST_IN_WAVES)
+    fit::find(&all, &waves, part < MOST_IN_WAVES, effort)
 }
 
 /// Samples that the kernel makes of a steady stroke: `places` in mm 2 ms apart, and rms magnitudes of 0

@@ -122,7 +122,6 @@ impl Stroke {
 /// A part of a stroke at a steady speed.
 #[derive(Clone, Debug)]
 pub(super) struct Passage {
-    /// Every 2 ms, in mm.
     pub(super) samples: Vec<f64>,
     /// Places every 2 ms, in mm.
     pub(super) places: Vec<[f64; 2]>,
@@ -140,31 +139,22 @@ impl Passage {
     pub(super) fn answered(&self, network: &Network<'_>) -> [f64; BINS] {
         let mut squares = [0.0; BINS];
         let ticks = (self.places.len() / LOOKS).max(2);
-        let looks = self.places.chunks_exact(ticks).map(|places| {
-            let [from, to] = [places[0], places[ticks - 1]];
-            let seconds = (ticks - 1) as f64 * TICK_S;
-            network([(to[0] - from[0]) / seconds, (to[1] - from[1]) / seconds])
-        });
-        let mut count = 0.0;
-        for answer in looks {
-            squares.iter_mut().zip(answer).for_each(|(sum, m)| *sum += m * m);
-            count += 1.0;
+        let seconds = (ticks - 1) as f64 * TICK_S;
+        let looks = self.places.chunks_exact(ticks);
+        let count = looks.len().max(1) as f64;
+        for places in looks {
+            let velocity = [0, 1].map(|i| (places[ticks - 1][i] - places[0][i]) / seconds);
+            squares.iter_mut().zip(network(velocity)).for_each(|(sum, m)| *sum += m * m);
         }
-        squares.map(|sum| (sum / f64::max(count, 1.0)).sqrt())
+        squares.map(|sum| (sum / count).sqrt())
     }
 }
 
 /// The signal along the direction of largest variance, within the band.
 fn principal(axes: &[&[f64]]) -> Vec<f64> {
     let length = axes.first().map_or(0, |axis| axis.len());
-    let spectra: Vec<Vec<Complex64>> = axes
-        .iter()
-        .map(|axis| {
-            let mut bins = spectrum(axis);
-            keep(&mut bins, length, BAND_HZ);
-            bins
-        })
-        .collect();
+    let mut spectra: Vec<Vec<Complex64>> = axes.iter().map(|axis| spectrum(axis)).collect();
+    spectra.iter_mut().for_each(|bins| keep(bins, length, BAND_HZ));
     let product = |a: &[Complex64], b: &[Complex64]| a.iter().zip(b).map(|(a, b)| (a * b.conj()).re).sum();
     let matrix: Vec<Vec<f64>> =
         spectra.iter().map(|a| spectra.iter().map(|b| product(a, b)).collect()).collect();

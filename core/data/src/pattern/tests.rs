@@ -3,6 +3,29 @@ use crate::made;
 use asperity_texture::{Events, Harmonic, Wave};
 use std::f64::consts::{PI, TAU};
 
+/// Enough to find known bumps, ..
+const QUICK: Effort = Effort {
+    seconds: [3.0, 6.0, 12.0],
+    spacings: 7,
+    rough: [&[-0.9, 0.0], &[0.4], &[0.2, 0.8]],
+    factors: &[-0.35, 0.0, 0.35],
+    alike: &[0.0, 0.7],
+    starts: [2, 1],
+    rounds: [3, 2],
+    draws: 3,
+};
+/// .. known waves, which are less by chance, ..
+const OF_WAVES: Effort = Effort { seconds: [3.0, 3.0, 6.0], rounds: [3, 1], draws: 1, ..QUICK };
+/// .. and a grain: each rendering has all directions.
+const OF_GRAIN: Effort = Effort {
+    seconds: [12.0, 24.0, 24.0],
+    spacings: 9,
+    rough: [&[-0.9, 0.0], &[0.2], &[0.2, 0.5]],
+    rounds: [4, 1],
+    draws: 2,
+    ..QUICK
+};
+
 /// Magnitudes that fall with frequency.
 fn magnitudes() -> Vec<f64> {
     (0..BINS).map(|k| if k == 0 { 0.0 } else { 1.0 / (1.0 + (k as f64 / 30.0).powi(2)) }).collect()
@@ -23,6 +46,9 @@ const BUMPS: Events = Events {
     interval_cv: 0.3,
     height_cv: 0.3,
 };
+
+/// Speeds in mm/s and angles in degrees of strokes over bumps.
+const BUMPY: [(f64, f64); 3] = [(40.0, 17.0), (100.0, 200.0), (240.0, 55.0)];
 
 /// Strokes that the kernel makes of a pattern, on one piece.
 fn strokes(pattern: &Pattern, seconds: f64) -> Vec<Stroke> {
@@ -65,7 +91,7 @@ fn wave_of_known_vector_and_harmonics_is_found() {
     let harmonics = phases.map(|phase| Harmonic { weight: 1.0, share: 0.8, phase }).to_vec();
     let per_mm = [0.6, -0.35];
     let pattern = Pattern { waves: vec![Wave { per_mm, harmonics: harmonics.clone() }], events: None };
-    let found = find(&[strokes(&pattern, 6.0)], None);
+    let found = found(&[strokes(&pattern, 4.0)], None, &OF_WAVES);
     let [wave] = &found.waves[..] else { panic!("{found:?}") };
     let sign = wave.per_mm[0].signum();
     let off = (sign * wave.per_mm[0] - per_mm[0]).hypot(sign * wave.per_mm[1] - per_mm[1]);
@@ -85,18 +111,19 @@ fn weak_wave_counts_where_all_pieces_have_it() {
         Harmonic { weight: 1.0, share: 0.0, phase: 0.0 },
     ];
     let pattern = Pattern { waves: vec![Wave { per_mm: [2.1, 0.9], harmonics }], events: None };
-    let pieces: Vec<_> = [100, 200, 300].map(|seed| strokes_of(&pattern, 4.0, seed)).into();
-    let found = find(&pieces, None);
+    let pieces = [100, 200, 300].map(|seed| strokes_of(&pattern, 4.0, seed));
+    let pieces: Vec<Vec<Passage>> =
+        pieces.into_iter().map(|strokes| strokes.iter().flat_map(Stroke::passages).collect()).collect();
+    let (found, _) = waves::find(&pieces);
     let near = |w: &Wave| (w.per_mm[0] - 2.1).hypot(w.per_mm[1] - 0.9) < 0.05;
-    assert!(found.waves.iter().any(near), "{:?}", found.waves);
-    assert!(found.waves[0].harmonics[0].share < 0.6, "{:?}", found.waves);
-    assert_eq!(find(&pieces[..1], None).waves, []);
+    assert!(found.iter().any(near) && found[0].harmonics[0].share < 0.6, "{found:?}");
+    assert_eq!(waves::find(&pieces[..1]).0, []);
 }
 
 #[test]
 fn isotropic_noise_has_neither_wave_nor_bump() {
-    assert_eq!(find(&[strokes(&Pattern::default(), 6.0)], None), Pattern::default());
-    assert_eq!(find(&[], None), Pattern::default());
+    assert_eq!(found(&[strokes(&Pattern::default(), 4.0)], None, &QUICK), Pattern::default());
+    assert_eq!(found(&[], None, &QUICK), Pattern::default());
 }
 
 /// Asserts that a pattern is as bumpy as another at three speeds. Other constants may be as good: rare
@@ -119,12 +146,10 @@ fn assert_alike(found: &Pattern, known: &Pattern) {
 
 #[test]
 fn found_bumps_pulse_and_peak_like_the_strokes() {
-    for spacing_exponent in [0.0, -0.9] {
-        let known = Pattern { waves: Vec::new(), events: Some(Events { spacing_exponent, ..BUMPS }) };
-        let found = find(&[strokes(&known, 10.0)], None);
-        assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
-        assert_alike(&found, &known);
-    }
+    let known = Pattern { waves: Vec::new(), events: Some(Events { spacing_exponent: -0.9, ..BUMPS }) };
+    let found = found(&[strokes_along(&BUMPY, &known, 10.0, 100)], None, &QUICK);
+    assert!(found.waves.is_empty() && found.events.is_some(), "{found:?}");
+    assert_alike(&found, &known);
 }
 
 #[test]
@@ -135,7 +160,7 @@ fn bumps_that_are_rarer_across_the_grain_are_found_so() {
         .into_iter()
         .flat_map(|speed| [0.0, 45.0, 90.0, 135.0].map(|angle| (speed, angle + 0.1 * speed)))
         .collect();
-    let found = find(&[strokes_along(&ways, &known, 6.0, 100)], None);
+    let found = found(&[strokes_along(&ways, &known, 6.0, 100)], None, &OF_GRAIN);
     // Bumps are 2.3 times as long as wide. Forty seconds of rare ones differ by a few per cent by
     // chance.
     for angle in [13.0, 58.0, 103.0, 148.0] {
@@ -156,7 +181,7 @@ fn irregular_events_are_found_at_their_ridges() {
     // A network answers smooth magnitudes. Those of the strokes have the ridges' lines, and a filter
     // with them rings after each bump.
     let smooth = |_: [f64; 2]| std::array::from_fn(|k| magnitudes()[k]);
-    let found = find(&[strokes(&known, 6.0)], Some(&smooth));
+    let found = found(&[strokes(&known, 4.0)], Some(&smooth), &OF_WAVES);
     assert!(found.events.is_some_and(|e| e.spacing_mm.is_none()), "{found:?}");
     assert_alike(&found, &known);
 }
@@ -171,8 +196,9 @@ fn wave_repeats_about_as_much_as_the_strokes() {
         events: None,
     };
     let pieces = [(0.97, 100), (1.0, 200), (1.03, 300)];
-    let pieces: Vec<_> = pieces.map(|(pitch, seed)| strokes_of(&of(pitch), 4.0, seed)).into();
-    let found = find(&pieces, None);
+    let ways = [(60.0, 40.0), (80.0, -20.0), (160.0, 75.0), (240.0, 55.0)];
+    let pieces = pieces.map(|(pitch, seed)| strokes_along(&ways, &of(pitch), 3.0, seed));
+    let found = found(&pieces, None, &OF_WAVES);
     assert_eq!(found.waves.len(), 1, "{found:?}");
     let repeats = |pattern: &Pattern| {
         let x = rendered(pattern, &magnitudes(), &places(100.0, 10.0, 20.0), 5);
@@ -184,15 +210,21 @@ fn wave_repeats_about_as_much_as_the_strokes() {
 
 #[test]
 fn made_grating_has_a_wave_and_sandpaper_bumps() {
-    let settings = made::Settings { pieces: [1, 0], ..made::Settings::default() };
-    let of = |name: &str| made::pattern(&made::surface(name).unwrap(), &settings, None);
-    let grating = of("square grating 1.2 mm");
+    // Wide enough that the waves that a piece consists of do not look like ridges.
+    let angles = [17.0, 47.0, 77.0, 107.0, 137.0, 167.0];
+    let ways: Vec<(f64, f64, f64)> =
+        [80.0, 200.0].iter().flat_map(|&speed| angles.map(|a| (speed, a + 0.05 * speed, 2.0))).collect();
+    let of = |name: &str, times: usize| {
+        let strokes = made::strokes_over(&made::surface(name).unwrap(), times, 5, &ways);
+        found(&[strokes], None, &OF_WAVES)
+    };
+    let grating = of("square grating 1.2 mm", 1);
     let [wave] = &grating.waves[..] else { panic!("{grating:?}") };
     // A piece has a whole number of ridges; pieces differ by 3 %.
     assert!((wave.per_mm[0].abs() * 1.2 - 1.0).abs() < 0.1 && wave.per_mm[1].abs() < 0.01, "{wave:?}");
     assert!(wave.harmonics[..8].iter().all(|h| h.share > 0.85), "{wave:?}");
     assert!(grating.events.is_none_or(|e| e.spacing_mm.is_none()), "{grating:?}");
-    let sandpaper = of("sandpaper P80");
+    let sandpaper = of("sandpaper P40", 2);
     assert!(sandpaper.waves.is_empty(), "{sandpaper:?}");
     assert!(
         sandpaper.events.is_some_and(|e| e.spacing_mm.is_some_and(|mm| (0.05..2.0).contains(&mm))),
@@ -203,12 +235,13 @@ fn made_grating_has_a_wave_and_sandpaper_bumps() {
 #[test]
 fn pattern_fits_magnitudes_of_an_erring_network() {
     // The network hears none of the low half. Bumps through the rest should be as bumpy.
-    let strokes = strokes(&Pattern { waves: Vec::new(), events: Some(BUMPS) }, 10.0);
+    let bumps = Pattern { waves: Vec::new(), events: Some(BUMPS) };
+    let strokes = strokes_along(&BUMPY, &bumps, 6.0, 100);
     let network = |[x, y]: [f64; 2]| {
         assert!((20.0..400.0).contains(&x.hypot(y)));
         std::array::from_fn(|k| if k < 30 { 0.01 } else { 1.0 })
     };
     let found = [None, Some(&network as &Network<'_>)]
-        .map(|network| find(std::slice::from_ref(&strokes), network).events);
+        .map(|network| found(std::slice::from_ref(&strokes), network, &OF_WAVES).events);
     assert!(found[0].is_some() && found[0] != found[1], "{found:?}");
 }

@@ -69,13 +69,16 @@ impl Seen {
         power(k) + place.fract() * (power(k + 1) - power(k))
     }
 
+    /// Frequency of a wave vector. None if its harmonics are too close to separate.
+    fn pitch_hz(&self, k: [f64; 2]) -> Option<f64> {
+        let hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
+        (hz * self.seconds >= APART).then_some(hz)
+    }
+
     /// Part of the power at harmonics of a wave vector, minus the power between them. None if they are
     /// too close to separate, or above the band.
     fn part(&self, k: [f64; 2], harmonics: usize) -> Option<f64> {
-        let pitch_hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
-        if pitch_hz * self.seconds < APART || pitch_hz > TOP_HZ {
-            return None;
-        }
+        let pitch_hz = self.pitch_hz(k).filter(|hz| *hz <= TOP_HZ)?;
         let count = ((TOP_HZ / pitch_hz) as usize).min(harmonics);
         let mut sum = 0.0;
         for h in 1..=count {
@@ -88,10 +91,7 @@ impl Seen {
 
     /// Removes the lines of a wave.
     fn without(&mut self, k: [f64; 2]) {
-        let pitch_hz = (k[0] * self.velocity[0] + k[1] * self.velocity[1]).abs();
-        if pitch_hz * self.seconds < APART {
-            return;
-        }
+        let Some(pitch_hz) = self.pitch_hz(k) else { return };
         let wide = 2.5 / self.seconds;
         for h in 1..=(TOP_HZ / pitch_hz) as usize {
             let hz = h as f64 * pitch_hz;
@@ -175,38 +175,27 @@ fn part(seen: &[Seen], k: [f64; 2], harmonics: usize) -> f64 {
 /// The strongest wave of a piece: its vector and part of the power.
 fn strongest(seen: &[Seen]) -> Option<([f64; 2], f64)> {
     let n = (MOST_PER_MM / STEP_PER_MM) as i32;
-    let width = (2 * n + 1) as usize;
-    let at = |i: usize, j: usize| [(i as i32 - n) as f64 * STEP_PER_MM, j as f64 * STEP_PER_MM];
-    let rows = n as usize + 1;
-    let mut map = vec![0.0; width * rows];
-    for j in 0..rows {
-        for i in 0..width {
-            let k = at(i, j);
-            let size = k[0].hypot(k[1]);
-            if (APART / WAY_MM..=MOST_PER_MM).contains(&size) {
-                map[j * width + i] = part(seen, k, FIRST);
-            }
-        }
-    }
+    let at = |i: i32, j: i32| [f64::from(i) * STEP_PER_MM, f64::from(j) * STEP_PER_MM];
+    let height = |k: [f64; 2]| {
+        let known = (APART / WAY_MM..=MOST_PER_MM).contains(&k[0].hypot(k[1]));
+        if known { part(seen, k, FIRST) } else { 0.0 }
+    };
+    let map: Vec<Vec<f64>> = (0..=n).map(|j| (-n..=n).map(|i| height(at(i, j))).collect()).collect();
     let mut peaks: Vec<(f64, [f64; 2])> = Vec::new();
-    for j in 0..rows {
-        for i in 1..width - 1 {
-            let here = map[j * width + i];
-            let beside = [-1, 0, 1].into_iter().flat_map(|dj: i32| [-1, 0, 1].map(|di: i32| (dj, di)));
-            let top = beside.into_iter().all(|(dj, di)| {
-                let (j, i) = (j as i32 + dj, i as i32 + di);
-                !(0..rows as i32).contains(&j) || map[j as usize * width + i as usize] <= here
-            });
+    for (j, row) in map.iter().enumerate() {
+        let rows = &map[j.saturating_sub(1)..(j + 2).min(map.len())];
+        for (i, beside) in row.windows(3).enumerate() {
+            let here = beside[1];
+            let top = rows.iter().all(|row| row[i..i + 3].iter().all(|power| *power <= here));
             if here > 0.5 * LEAST_IN_A_PIECE && top {
-                peaks.push((here, at(i, j)));
+                peaks.push((here, at(i as i32 + 1 - n, j as i32)));
             }
         }
     }
     peaks.sort_by(|a, b| b.0.total_cmp(&a.0));
     peaks.truncate(CANDIDATES);
-    let fine =
-        peaks.into_iter().map(|(_, k)| climb(k, 0.5 * STEP_PER_MM, 8, |k| part(seen, k, MAX_HARMONICS)));
-    let fine: Vec<([f64; 2], f64)> = fine.collect();
+    let refined = |(_, k)| climb(k, 0.5 * STEP_PER_MM, 8, |k| part(seen, k, MAX_HARMONICS));
+    let fine: Vec<([f64; 2], f64)> = peaks.into_iter().map(refined).collect();
     let most = fine.iter().map(|(_, part)| *part).fold(0.0, f64::max);
     let size = |k: [f64; 2]| k[0].hypot(k[1]);
     fine.into_iter()
@@ -260,11 +249,8 @@ struct Segment {
 /// Parts of a passage over enough pitches of a wave: first tick, and turns from tick to tick.
 fn pieces_of(passage: &Passage, k: [f64; 2], pitches: f64) -> Vec<(usize, Vec<f64>)> {
     let turns: Vec<f64> = passage.places.iter().map(|p| k[0] * p[0] + k[1] * p[1]).collect();
-    let mut pieces = Vec::new();
-    let mut from = 0;
-    while from + 1 < turns.len() {
-        let enough = |tick: &usize| (turns[*tick] - turns[from]).abs() >= pitches;
-        let Some(to) = (from..turns.len()).find(enough) else { break };
+    let (mut pieces, mut from) = (Vec::new(), 0);
+    while let Some(to) = (from..turns.len()).find(|to| (turns[*to] - turns[from]).abs() >= pitches) {
         let ticks = to - from;
         if (10..=4000).contains(&ticks) {
             pieces.push((from, turns[from..=to].to_vec()));
@@ -272,12 +258,6 @@ fn pieces_of(passage: &Passage, k: [f64; 2], pitches: f64) -> Vec<(usize, Vec<f6
         from += (ticks / 2).max(1);
     }
     pieces
-}
-
-/// All segments of a passage.
-fn segments(passage: &Passage, k: [f64; 2]) -> Vec<Segment> {
-    let pieces = pieces_of(passage, k, PITCHES).into_iter();
-    pieces.filter_map(|(from, turns)| segment(passage, &turns, from)).collect()
 }
 
 /// Removes the phases that the kernel adds to the lines of a passage's segments.
@@ -346,29 +326,30 @@ fn coherent(orders: &[Complex64]) -> Vec<f64> {
     (1..=orders.len() / 2).map(harmonic).collect()
 }
 
-fn segment(passage: &Passage, turns: &[f64], from: usize) -> Option<Segment> {
-    let cut = Cut::new(passage, turns, from)?;
-    let count = cut.count(MAX_HARMONICS);
-    if count == 0 {
-        return None;
-    }
-    let orders = cut.orders(turns, count);
-    let bins = spectrum(&cut.seen);
-    let bin_hz = RATE_HZ / cut.seen.len() as f64;
-    let around = |h: usize| {
-        let edge = |h: f64| ((h * cut.pitch_hz / bin_hz).round() as usize).min(bins.len());
-        let bins = &bins[edge(h as f64 - 0.5)..edge(h as f64 + 0.5)];
-        let power = 2.0 * bins.iter().map(Complex64::norm_sqr).sum::<f64>();
-        power / (cut.seen.len() as f64 * cut.squares * cut.whole)
+/// All segments of a passage.
+fn segments(passage: &Passage, k: [f64; 2]) -> Vec<Segment> {
+    let segment = |(from, turns): (usize, Vec<f64>)| {
+        let cut = Cut::new(passage, &turns, from)?;
+        let count = Some(cut.count(MAX_HARMONICS)).filter(|count| *count > 0)?;
+        let orders = cut.orders(&turns, count);
+        let bins = spectrum(&cut.seen);
+        let bin_hz = RATE_HZ / cut.seen.len() as f64;
+        let around = |h: usize| {
+            let edge = |h: f64| ((h * cut.pitch_hz / bin_hz).round() as usize).min(bins.len());
+            let bins = &bins[edge(h as f64 - 0.5)..edge(h as f64 + 0.5)];
+            let power = 2.0 * bins.iter().map(Complex64::norm_sqr).sum::<f64>();
+            power / (cut.seen.len() as f64 * cut.squares * cut.whole)
+        };
+        Some(Segment {
+            seconds: cut.seen.len() as f64 / RATE_HZ,
+            pitch_hz: cut.pitch_hz,
+            backwards: turns[turns.len() - 1] < turns[0],
+            lines: (0..count).map(|h| orders[2 * h + 1]).collect(),
+            coherent: coherent(&orders),
+            around: (1..=count).map(around).collect(),
+        })
     };
-    Some(Segment {
-        seconds: cut.seen.len() as f64 / RATE_HZ,
-        pitch_hz: cut.pitch_hz,
-        backwards: turns[turns.len() - 1] < turns[0],
-        lines: (0..count).map(|h| orders[2 * h + 1]).collect(),
-        coherent: coherent(&orders),
-        around: (1..=count).map(around).collect(),
-    })
+    pieces_of(passage, k, PITCHES).into_iter().filter_map(segment).collect()
 }
 
 /// Sums the lines of all segments. Each is turned to its best fit, and its sign is free.
@@ -426,17 +407,14 @@ pub(super) fn find(pieces: &[Vec<Passage>]) -> (Vec<Wave>, f64) {
         let longer = if like[0].abs() >= like[1].abs() { like[0] } else { like[1] };
         let like = like.map(|k| k * longer.signum());
         // The same wave in each piece.
-        let vectors: Vec<Option<([f64; 2], f64)>> = found
-            .iter_mut()
-            .map(|here| {
-                let turned = |k: [f64; 2]| k.map(|x| x * (k[0] * like[0] + k[1] * like[1]).signum());
-                let apart = |k: [f64; 2]| (k[0] - like[0]).hypot(k[1] - like[1]);
-                let near = |k: [f64; 2]| apart(turned(k)) < ALIKE * like[0].hypot(like[1]);
-                let at = here.iter().position(|(k, _)| near(*k))?;
-                let (k, part) = here.remove(at);
-                Some((turned(k), part))
-            })
-            .collect();
+        let turned = |k: [f64; 2]| k.map(|x| x * (k[0] * like[0] + k[1] * like[1]).signum());
+        let apart = |k: [f64; 2]| (k[0] - like[0]).hypot(k[1] - like[1]);
+        let near = |k: [f64; 2]| apart(turned(k)) < ALIKE * like[0].hypot(like[1]);
+        let take = |here: &mut Vec<([f64; 2], f64)>| {
+            let (k, part) = here.remove(here.iter().position(|(k, _)| near(*k))?);
+            Some((turned(k), part))
+        };
+        let vectors: Vec<Option<([f64; 2], f64)>> = found.iter_mut().map(take).collect();
         let parts: f64 = vectors.iter().flatten().map(|(_, part)| part).sum();
         let pieces = pieces.iter().zip(&vectors).filter_map(|(passages, of)| of.map(|of| (passages, of.0)));
         let pieces: Vec<(&Vec<Passage>, [f64; 2])> = pieces.collect();
@@ -486,14 +464,13 @@ fn fundamental(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
 fn refined(passages: &[Passage], k: [f64; 2]) -> [f64; 2] {
     let passages = shortest(passages);
     let best = |from: [f64; 2], step: f64, pitches: f64| {
-        let of = |p: &&&Passage| pieces_of(p, from, pitches).into_iter().map(|(at, turns)| (at, turns.len()));
-        let pieces = passages.iter().flat_map(|p| of(&p).map(|(at, len)| (*p, at, len)).collect::<Vec<_>>());
-        let pieces: Vec<(&Passage, usize, usize)> = pieces.collect();
+        let of = |p| pieces_of(p, from, pitches).into_iter().map(move |(at, turns)| (p, at, turns.len()));
+        let pieces: Vec<(&Passage, usize, usize)> = passages.iter().copied().flat_map(of).collect();
         let power = |k: [f64; 2]| {
-            let of = |(p, at, len): &(&Passage, usize, usize)| {
-                let places = p.places.get(*at..at + len)?;
+            let of = |&(p, at, len): &(&Passage, usize, usize)| {
+                let places = p.places.get(at..at + len)?;
                 let turns: Vec<f64> = places.iter().map(|p| k[0] * p[0] + k[1] * p[1]).collect();
-                let cut = Cut::new(p, &turns, *at)?;
+                let cut = Cut::new(p, &turns, at)?;
                 Some(coherent(&cut.orders(&turns, cut.count(FIRST))).iter().sum::<f64>())
             };
             pieces.iter().filter_map(of).sum::<f64>()

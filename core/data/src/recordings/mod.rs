@@ -50,7 +50,6 @@ mod read;
 mod stroke;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_dsp::frame::WINDOW_S;
@@ -61,19 +60,8 @@ use crate::folder;
 use crate::history::RATE_HZ;
 use crate::pattern;
 
+pub use read::parse;
 pub use stroke::Recorded;
-
-impl Recorded {
-    /// A stroke from named columns, for files without names: `force_n`, `ax_m_s2` and the others of the
-    /// [table](self), but no clock. A column `none` is left out.
-    ///
-    /// # Errors
-    /// A name that is unknown or there twice; missing quantities; columns of different lengths; a
-    /// number out of range; a rate outside 1 to 10 kHz; less than 0.5 s.
-    pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
-        read::named(columns, read::rate(rate_hz)?)
-    }
-}
 
 /// Reads one stroke: a WAV file by its extension, with the file that names its channels, else a table.
 ///
@@ -128,14 +116,6 @@ pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
     recorded(path)?.recording().map_err(|e| e.in_file(path))
 }
 
-/// Reads one stroke from the text of a table.
-///
-/// # Errors
-/// As [`recorded`] of a CSV file.
-pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
-    read::table(source)
-}
-
 /// Path of the file that names a WAV file's channels.
 pub fn channels_file(path: &Path) -> PathBuf {
     path.parent().unwrap_or(Path::new("")).join(CHANNELS_FILE)
@@ -162,30 +142,20 @@ pub fn read(folder: &Path) -> Result<Vec<Subject>, Diagnostic> {
 fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     let files = folder::entries(folder)?;
     let pictures: Vec<PathBuf> = files.iter().filter(|f| folder::is_picture(f)).cloned().collect();
-    let recordings = of_strokes(&files);
-    if pictures.is_empty() {
-        let help = "a PNG, JPEG or BMP file, one at least";
-        return Err(folder::refused(folder, "no picture of this material", help));
+    let strokes = of_strokes(&files);
+    for (none, what, help) in [
+        (pictures.is_empty(), "no picture of this material", "a PNG, JPEG or BMP file, one at least"),
+        (strokes.is_empty(), "no stroke over this material", "a CSV or WAV file, one at least"),
+    ] {
+        if none {
+            return Err(folder::refused(folder, what, help));
+        }
     }
-    if recordings.is_empty() {
-        return Err(folder::refused(
-            folder,
-            "no stroke over this material",
-            "a CSV or WAV file, one at least",
-        ));
-    }
-    let whole = are_divided(recordings.len());
-    let seen = recordings.len() - folder::held_of(recordings.len());
     let mut examples = Parts::default();
-    for (number, path) in recordings.into_iter().enumerate() {
+    for (path, part) in strokes {
         let stroke = recorded(path)?;
-        let made = stroke.examples().map_err(|e| e.in_file(path))?;
-        let split_s = match whole {
-            true if number < seen => f64::INFINITY,
-            true => f64::NEG_INFINITY,
-            false => stroke.duration_s() * 0.8,
-        };
-        for mut timed in made {
+        let split_s = if part == WHOLE { f64::INFINITY } else { stroke.duration_s() * part };
+        for mut timed in stroke.examples().map_err(|e| e.in_file(path))? {
             // Data to judge by is not trained on.
             let span = timed.span_s();
             if span.start < split_s && span.end + WINDOW_S > split_s {
@@ -217,17 +187,15 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
 /// # Errors
 /// As [`read`], of strokes.
 pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
-    let files = folder::entries(folder)?;
-    let paths = of_strokes(&files);
-    let whole = are_divided(paths.len());
-    let seen = if whole { paths.len() - folder::held_of(paths.len()) } else { paths.len() };
     let mut strokes = Vec::new();
-    for path in paths.into_iter().take(seen) {
+    for (path, part) in of_strokes(&folder::entries(folder)?) {
+        if part == 0.0 {
+            continue;
+        }
         let stroke = recorded(path)?;
         if !stroke.directed {
             continue;
         }
-        let part = if whole { 1.0 } else { 0.8 };
         let recording = stroke.recording().map_err(|e| e.in_file(path))?;
         let axes = recording.felt.axes();
         let axes: Vec<&[f64]> = axes.iter().map(|a| &a[..(a.len() as f64 * part) as usize]).collect();
@@ -240,14 +208,19 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
     Ok(strokes)
 }
 
-/// Files of strokes among others.
-fn of_strokes(files: &[PathBuf]) -> Vec<&PathBuf> {
-    files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect()
-}
+/// All of a stroke.
+const WHOLE: f64 = 1.0;
 
-/// Whether so many strokes are divided as a whole, and not each of them.
-fn are_divided(strokes: usize) -> bool {
-    strokes >= 5
+/// Files of strokes among others, and the part of each to train on. Five or more are divided as a whole.
+fn of_strokes(files: &[PathBuf]) -> Vec<(&PathBuf, f64)> {
+    let strokes: Vec<&PathBuf> = files.iter().filter(|f| folder::ends_with(f, &["csv", "wav"])).collect();
+    let (count, seen) = (strokes.len(), strokes.len() - folder::held_of(strokes.len()));
+    let part = |number: usize| match number < seen {
+        _ if count < 5 => 0.8,
+        true => WHOLE,
+        false => 0.0,
+    };
+    strokes.into_iter().enumerate().map(|(number, path)| (path, part(number))).collect()
 }
 
 #[cfg(test)]

@@ -85,7 +85,7 @@ fn check(has: impl Fn(usize) -> bool) -> Result<(), Diagnostic> {
 }
 
 /// Rounds a measured rate in Hz to the intended one.
-pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
+fn rate(hz: f64) -> Result<f64, Diagnostic> {
     let round = (hz / RATE_STEP_HZ).round() * RATE_STEP_HZ;
     let meant = if (hz - round).abs() <= RATE_TOLERANCE * round { round } else { hz };
     let near = RATES_HZ.start() * (1.0 - END_TOLERANCE)..=RATES_HZ.end() * (1.0 + END_TOLERANCE);
@@ -99,27 +99,35 @@ pub(super) fn rate(hz: f64) -> Result<f64, Diagnostic> {
     )))
 }
 
-/// A stroke from named columns.
-pub(super) fn named(columns: Vec<(&str, Vec<f64>)>, rate_hz: f64) -> Result<Recorded, Diagnostic> {
-    let mut channels: Channels = std::array::from_fn(|_| None);
-    let len = columns.first().map_or(0, |(_, samples)| samples.len());
-    for (name, samples) in columns {
-        let number =
-            number(name).map_err(|help| Diagnostic::new(format!("unknown column `{name}`")).help(help))?;
-        let Some(number) = number else { continue };
-        if samples.len() != len {
-            return Err(Diagnostic::new(format!("columns of {len} and of {} samples", samples.len())));
+impl Recorded {
+    /// A stroke from named columns, for files without names: `force_n`, `ax_m_s2` and the others of the
+    /// [table](super), but no clock. A column `none` is left out.
+    ///
+    /// # Errors
+    /// A name that is unknown or there twice; missing quantities; columns of different lengths; a
+    /// number out of range; a rate outside 1 to 10 kHz; less than 0.5 s.
+    pub fn from_columns(rate_hz: f64, columns: Vec<(&str, Vec<f64>)>) -> Result<Self, Diagnostic> {
+        let rate_hz = rate(rate_hz)?;
+        let mut channels: Channels = std::array::from_fn(|_| None);
+        let len = columns.first().map_or(0, |(_, samples)| samples.len());
+        for (name, samples) in columns {
+            let number = number(name)
+                .map_err(|help| Diagnostic::new(format!("unknown column `{name}`")).help(help))?;
+            let Some(number) = number else { continue };
+            if samples.len() != len {
+                return Err(Diagnostic::new(format!("columns of {len} and of {} samples", samples.len())));
+            }
+            let column = &QUANTITIES[number];
+            if let Some((row, x)) = samples.iter().enumerate().find(|(_, x)| !column.holds(**x)) {
+                let what = format!("`{name}` is {x} in row {row}, at {} s", row as f64 / rate_hz);
+                return Err(Diagnostic::new(what).help(column.help()));
+            }
+            if channels[number].replace(samples).is_some() {
+                return Err(Diagnostic::new(format!("the column `{name}` is there twice")));
+            }
         }
-        let column = &QUANTITIES[number];
-        if let Some((row, x)) = samples.iter().enumerate().find(|(_, x)| !column.holds(**x)) {
-            let what = format!("`{name}` is {x} in row {row}, at {} s", row as f64 / rate_hz);
-            return Err(Diagnostic::new(what).help(column.help()));
-        }
-        if channels[number].replace(samples).is_some() {
-            return Err(Diagnostic::new(format!("the column `{name}` is there twice")));
-        }
+        stroke(channels, rate_hz)
     }
-    stroke(channels, rate_hz)
 }
 
 /// A stroke from its channels.
@@ -151,8 +159,11 @@ fn travelled(velocity: &[f64], rate_hz: f64) -> Vec<f64> {
     std::iter::once(0.0).chain(velocity.iter().skip(1).map(step)).take(velocity.len()).collect()
 }
 
-/// Reads a table; the [module above](super) says what it holds.
-pub(super) fn table(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
+/// Reads one stroke from the text of a table.
+///
+/// # Errors
+/// As [`recorded`](super::recorded) of a CSV file.
+pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
     let mut table = Table::open(source, &QUANTITIES, HEADER_HELP)?;
     if !table.has(TIME) {
         return Err(Diagnostic::new("no clock").at(source, table.header_end()).help("`t_s` or `time_s`"));
@@ -206,54 +217,44 @@ pub(super) fn wav(path: &Path, names: &Path) -> Result<Recorded, Diagnostic> {
     let source = Source::read(names)?;
     let listed = names_of(&source)?;
     let wav = Wav::read(path, u32::MAX)?;
-    let rate_hz = rate(f64::from(wav.rate_hz)).map_err(|e| e.in_file(path))?;
     if wav.channels != listed.len() {
         return Err(fail(format!("{} channels, and {} are named", wav.channels, listed.len()))
             .help(format!("{} names all, those to be left out as `{NONE}`", names.display())));
     }
-    let mut read: Channels = std::array::from_fn(|_| None);
-    for (number, &(quantity, full_scale)) in listed.iter().enumerate() {
-        let Some(quantity) = quantity else { continue };
-        let channel: Vec<f64> = wav.channel(number).map(|x| x * full_scale).collect();
-        let column = &QUANTITIES[quantity];
-        if let Some((i, x)) = channel.iter().enumerate().find(|(_, x)| !column.holds(**x)) {
-            let what = format!("`{}` is {x} at {} s", column.name, i as f64 / rate_hz);
-            return Err(fail(what).help(column.help()));
-        }
-        read[quantity] = Some(channel);
-    }
-    stroke(read, rate_hz).map_err(|e| e.in_file(path))
+    let channel = |number: usize| wav.channel(number).map(|x| x * listed[number].1).collect();
+    let columns = listed.iter().enumerate().map(|(i, (name, _))| (name.as_str(), channel(i))).collect();
+    Recorded::from_columns(f64::from(wav.rate_hz), columns).map_err(|e| e.in_file(path))
 }
 
-/// For each channel the number of its quantity, unless it is left out, and its full scale.
-fn names_of(source: &Arc<Source>) -> Result<Vec<(Option<usize>, f64)>, Diagnostic> {
+/// Name and full scale of each channel.
+fn names_of(source: &Arc<Source>) -> Result<Vec<(String, f64)>, Diagnostic> {
     let whole = ron::parse(source)?;
     let mut record = whole.record("Recording")?;
     let list = record.required("channels")?;
     record.finish()?;
-    let mut named: Vec<(Option<usize>, f64)> = Vec::new();
+    let mut named: Vec<(String, f64)> = Vec::new();
     for entry in list.list()? {
         let mut channel = entry.record("Channel")?;
         let value = channel.required("quantity")?;
         let full_scale = channel.optional("full_scale");
         channel.finish()?;
         let name = value.text()?;
-        let quantity =
-            number(name).map_err(|help| value.error(format!("unknown quantity `{name}`")).help(help))?;
-        if quantity.is_some() && named.iter().any(|(q, _)| *q == quantity) {
+        number(name).map_err(|help| value.error(format!("unknown quantity `{name}`")).help(help))?;
+        if name != NONE && named.iter().any(|(other, _)| other == name) {
             return Err(value.error(format!("`{name}` is there twice")));
         }
-        let full_scale = match (full_scale, quantity) {
-            (Some(value), _) => value.f64_in(1e-6..=MAX_FULL_SCALE, "")?,
-            (None, None) => 1.0,
-            (None, Some(_)) => {
+        let full_scale = match full_scale {
+            Some(value) => value.f64_in(1e-6..=MAX_FULL_SCALE, "")?,
+            None if name == NONE => 1.0,
+            None => {
                 return Err(entry
                     .error("the field `full_scale` is missing")
                     .help("the value at full scale, in the quantity's unit"));
             }
         };
-        named.push((quantity, full_scale));
+        named.push((name.to_owned(), full_scale));
     }
-    check(|i| named.iter().any(|(q, _)| *q == Some(i))).map_err(|e| e.at(source, list.span()))?;
+    check(|i| named.iter().any(|(name, _)| name == QUANTITIES[i].name))
+        .map_err(|e| e.at(source, list.span()))?;
     Ok(named)
 }

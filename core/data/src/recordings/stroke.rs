@@ -43,8 +43,7 @@ pub struct Recorded {
 /// An example and its time.
 pub(super) struct Timed {
     pub(super) example: Example,
-    /// Time of its newest history sample and the start of its frame, in seconds from the stroke's
-    /// beginning.
+    /// Time of its newest history sample and the start of its frame, in seconds from the stroke's beginning.
     at_s: f64,
 }
 
@@ -141,11 +140,10 @@ impl Recorded {
             let Some(magnitudes) = frame_at(frame.clone()) else { break };
             // The next frame is another signal of nearly the same touch.
             let other = frame_at(frame.end..2 * frame.end - frame.start);
-            let mut velocity = history.velocity;
+            let mut example = Example { other, ..history.example(magnitudes) };
             if !self.directed {
-                turn(&mut velocity, examples.len());
+                turn(&mut example.velocity, examples.len());
             }
-            let example = Example { force: history.force, velocity, magnitudes, other };
             examples.push(Timed { example, at_s: tick as f64 / RATE_HZ });
         }
         Ok(examples)

@@ -6,7 +6,7 @@ use asperity_diagnostics::Source;
 
 use super::*;
 use crate::example::Example;
-use crate::folder_testing::picture;
+use crate::folder::write_picture as picture;
 
 /// A table with a column for each name, from a function of time.
 fn table(names: &str, rate_hz: f64, duration_s: f64, row: impl Fn(f64) -> Vec<f64>) -> String {
@@ -20,7 +20,7 @@ fn table(names: &str, rate_hz: f64, duration_s: f64, row: impl Fn(f64) -> Vec<f6
 }
 
 fn examples(text: &str) -> Vec<Example> {
-    let stroke = read::table(&Source::new("s.csv", text)).unwrap_or_else(|e| panic!("{e}"));
+    let stroke = parse(&Source::new("s.csv", text)).unwrap_or_else(|e| panic!("{e}"));
     stroke.examples().unwrap().into_iter().map(|t| t.example).collect()
 }
 
@@ -203,7 +203,7 @@ fn bad_tables_are_refused_at_the_cell() {
     let h = "t_s,force_n,speed_mm_s,acceleration_m_s2";
     let good = table(h, 1000.0, 1.0, |_| vec![1.0, 2.0, 3.0]);
     let error =
-        |text: &str| read::table(&Source::new("s.csv", text)).err().map_or("none".into(), |e| e.to_string());
+        |text: &str| parse(&Source::new("s.csv", text)).err().map_or("none".into(), |e| e.to_string());
     assert_eq!(error(&good), "none");
     let replaced = |what: &str, by: &str| {
         assert!(good.contains(what), "{what}");
