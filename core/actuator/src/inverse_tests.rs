@@ -28,6 +28,7 @@ fn pair_of(mut inverse: Inverse, hz: f64, rate: f64, mut handle: impl FnMut(f64)
     lock_in(&felt[second..], hz, rate)
 }
 
+<<<<<<< HEAD
 #[test]
 fn inverse_passes_dc_and_the_pair_does_not() {
     for drive in [Drive::Current, Drive::Voltage] {
@@ -46,6 +47,68 @@ fn inverse_passes_dc_and_the_pair_does_not() {
     }
 }
 
+||||||| 6d696770
+#[test]
+fn inverse_and_plant_are_flat_from_40_to_1000_hz() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        for hz in [40.0, 65.0, 100.0, 250.0, 500.0, 1000.0] {
+            let mut plant = Plant::new(&hapcoil(100.0), drive, RATE);
+            let exact = pair(drive, hz, |u| plant.step(u).acceleration);
+            let mut fine = RungeKutta::new(hapcoil(100.0), drive, RATE, 8);
+            let integrated = pair(drive, hz, |u| fine.step(u).acceleration);
+            assert!((exact - integrated).norm() < 1e-4, "{drive:?} {hz} Hz: {exact} {integrated}");
+            let db = 20.0 * exact.norm().log10();
+            assert!(db.abs() < 0.3, "{drive:?} {hz} Hz: {db} dB");
+            // It is the stated high-pass, with the pole at w_r under a voltage.
+            let mut stated = Section::high_pass(20.0, FRAC_1_SQRT_2).response(hz);
+            if drive == Drive::Voltage {
+                stated /= Complex64::new(1.0, hz / 10_000.0);
+            }
+            let off = 20.0 * (exact.norm() / stated.norm()).log10();
+            assert!(off.abs() < 0.05, "{drive:?} {hz} Hz: {off} dB from what is stated");
+        }
+    }
+}
+
+#[test]
+fn inverse_passes_dc_and_the_pair_does_not() {
+    for drive in [Drive::Current, Drive::Voltage] {
+        let (d, inv) = (hapcoil(100.0), inverse(100.0, drive, RATE));
+        if drive == Drive::Current {
+            let ratio = inv.response(0.0).norm() / inv.response(20_000.0).norm();
+            assert!((ratio / (65.0f64 / 20.0).powi(2) - 1.0).abs() < 1e-3, "{ratio}");
+        }
+        let mut inv = inv;
+        let mut plant = Plant::new(&d, drive, RATE);
+        let (x, mut u) = (vec![1.0f32; 48_000], vec![0.0; 48_000]);
+        inv.process(&x, &mut u);
+        assert!(u[47_999].abs() > 0.1);
+        let last = u.iter().fold(0.0, |_, u| plant.step(f64::from(*u)).acceleration);
+        assert!(last.abs() < 1e-4, "{drive:?} {last}");
+    }
+}
+
+#[test]
+fn voltage_inverse_has_its_transfer_function() {
+    let d = hapcoil(60.0);
+    let inv = inverse(60.0, Drive::Voltage, 480_000.0);
+    for hz in [5.0, 20.0, 71.0, 300.0, 3000.0] {
+        let s = Complex64::new(0.0, TAU * hz);
+        // From the equations of motion, without any section.
+        let mu = d.reduced_mass();
+        let x_per_i = d.force_factor / (s * s * mu + s * d.damping + d.stiffness);
+        let a_per_i = -s * s * mu / d.handle_mass * x_per_i;
+        let v_per_i = s * d.inductance + d.resistance + s * d.force_factor * x_per_i;
+        let wc = TAU * 20.0;
+        let corner = s * s / (s * s + s * 2.0 * FRAC_1_SQRT_2 * wc + wc * wc);
+        let want = v_per_i / a_per_i * corner / (s / (TAU * 10_000.0) + 1.0);
+        let got = inv.response(hz);
+        assert!((got / want - 1.0).norm() < 2e-3, "{hz}: {got} {want}");
+    }
+}
+
+=======
+>>>>>>> ar
 /// In closed form from 1 Hz, where the actuator pushes nothing, to far above its band. Also for actuators
 /// whose mass, spring and damping are 20 % off.
 #[test]

@@ -155,22 +155,6 @@ mod tests {
     }
 
     #[test]
-    fn resonance_has_textbook_covariance() {
-        // AR(2) with poles radius e^{+-i angle}: r0 = (1 + R^2) / ((1 - R^2) (1 - 2 R^2 cos 2t + R^4)),
-        // r1 = -a1 / (1 + a2) r0
-        let (radius, angle) = (0.97f64, 0.7f64);
-        let (a1, a2) = (-2.0 * radius * angle.cos(), radius * radius);
-        let mut r = [0.0; 60];
-        Filter::new(&[a1, a2], &[], 1.0).autocovariance(&mut r);
-        let r0 = (1.0 + a2) / ((1.0 - a2) * (1.0 - 2.0 * a2 * (2.0 * angle).cos() + a2 * a2));
-        let mut want = vec![r0, -a1 / (1.0 + a2) * r0];
-        for m in 2..60 {
-            want.push(-a1 * want[m - 1] - a2 * want[m - 2]);
-        }
-        near(&r, |m| want[m]);
-    }
-
-    #[test]
     fn covariance_is_the_transform_of_the_spectrum() {
         let ar = [-1.1, 0.9, -0.3, 0.1];
         assert!(is_stable(&ar));

@@ -246,19 +246,5 @@ mod tests {
                 prop_assert!((x - y).abs() < 1e-7 * size, "{x} {y}");
             }
         }
-
-        #[test]
-        fn mixture_of_stable_polynomials_is_stable(
-            one in proptest::collection::vec(-0.98..0.98f64, 12),
-            other in proptest::collection::vec(-0.98..0.98f64, 12),
-            part in 0.0..1.0f64,
-        ) {
-            let x = from_polynomial(&from_reflections(&one)).unwrap();
-            let y = from_polynomial(&from_reflections(&other)).unwrap();
-            let mixed: Vec<f64> = x.iter().zip(&y).map(|(x, y)| x + part * (y - x)).collect();
-            let mut a = [0.0; 12];
-            to_polynomial(&mixed, &mut a);
-            prop_assert!(is_stable(&a), "{a:?}");
-        }
     }
 }

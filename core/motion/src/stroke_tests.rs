@@ -162,6 +162,7 @@ fn names_and_shapes_agree() {
     assert_eq!(Shape::from_name("spiral"), None);
 }
 
+<<<<<<< HEAD
 #[test]
 fn ends_are_at_rest_with_no_acceleration() {
     assert_eq!(minimum_jerk(0.0), 0.0);
@@ -210,6 +211,32 @@ fn no_neighbour_has_less_jerk() {
     }
 }
 
+||||||| 6d696770
+=======
+#[test]
+fn ends_are_at_rest_with_no_acceleration() {
+    assert_eq!(minimum_jerk(0.0), 0.0);
+    assert_eq!(minimum_jerk(1.0), 1.0);
+    assert_eq!(minimum_jerk(-3.0), 0.0);
+    assert_eq!(minimum_jerk(7.0), 1.0);
+    // Near an end the way grows as 10 h^3: without speed and acceleration.
+    let h = 1e-4;
+    assert!((minimum_jerk(h) / (10.0 * h.powi(3)) - 1.0).abs() < 1e-3);
+    assert!(((1.0 - minimum_jerk(1.0 - h)) / (10.0 * h.powi(3)) - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn integral_is_the_antiderivative() {
+    let h = 1e-5;
+    for i in 1..100 {
+        let s = f64::from(i) / 100.0;
+        let slope = (minimum_jerk_ramp_integral(s + h) - minimum_jerk_ramp_integral(s - h)) / (2.0 * h);
+        assert!((slope - minimum_jerk(s)).abs() < 1e-7);
+    }
+    assert_eq!(minimum_jerk_ramp_integral(1.0), 0.5);
+}
+
+>>>>>>> ar
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 

@@ -252,27 +252,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn best_cut_is_the_best_of_all() {
-        let mut random = Random::new(2);
-        let values: Vec<[f64; 2]> =
-            (0..80).map(|i| [random.range(10.0, 20.0) + f64::from(i / 30) * 20.0, random.unit()]).collect();
-        let sums = Sums::new(&values);
-        let scatter = |part: &[[f64; 2]]| -> f64 {
-            [10.0, 0.1]
-                .iter()
-                .enumerate()
-                .map(|(axis, scale): (usize, &f64)| {
-                    let mean = part.iter().map(|v| v[axis]).sum::<f64>() / part.len() as f64;
-                    part.iter().map(|v| ((v[axis] - mean) / scale).powi(2)).sum::<f64>()
-                })
-                .sum()
-        };
-        for part in [0..80, 10..55, 3..7] {
-            let cost = |cut: usize| scatter(&values[part.start..cut]) + scatter(&values[cut..part.end]);
-            let want = (part.start + 2..part.end - 1).min_by(|a, b| cost(*a).total_cmp(&cost(*b))).unwrap();
-            assert_eq!(sums.best_cut(&part, [10.0, 0.1]), want);
-        }
-    }
 }
