@@ -25,6 +25,7 @@ pub fn gate_sets<'a>(readers: impl IntoIterator<Item = (&'a GateSets, Option<usi
         for set in if sets.is_empty() { &always } else { sets } {
             let mut set = set.clone();
             set.extend(gate.filter(|gate| !set.contains(gate) && set.len() < MAX_GATES));
+            set.sort_unstable();
             if !all.iter().any(|known| within(known, &set)) {
                 all.retain(|known| !within(&set, known));
                 all.push(set);

@@ -88,7 +88,7 @@ fn graph(dir: &Path) {
 
 fn magnitudes(dir: &Path) {
     let file = std::fs::File::create(dir.join("m.npy")).expect("a file");
-    npy::write_f32(file, &[60, 101], &[0.5; 6060]).expect("a file");
+    npy::write_f32(file, &[120, 101], &[0.5; 12_120]).expect("a file");
 }
 
 /// Two seconds of a stroke at one speed, over what is nearly noise.
