@@ -5,7 +5,7 @@ mod stroke;
 use std::f64::consts::TAU;
 
 use asperity_autoregressive::{Filter, Model, TextureFile};
-use harness::{Ran, Room, graphs, run};
+use harness::{Ran, Room, graphs};
 use serde_json::Value;
 use stroke::{COLUMNS, row, stroke, table, table_of, write_npy};
 

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-use harness::{Ran, Room, graphs, run};
+use harness::{Ran, Room, graphs};
 
 const WALL: &str = "stiffness: (stiffness_n_per_mm: 0.5)";
 const FRAME: &str =
