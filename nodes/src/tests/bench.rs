@@ -241,7 +241,9 @@ impl Alone {
             let value = set.iter().find(|(name, _)| *name == p.name).map(|(_, value)| value.clone());
             params.insert(p.name.to_string(), value.or_else(|| p.default.clone()), None);
         }
-        let config = Config { id: "it", params: &params, tick_hz, every, audio_hz, seed: 1 };
+        // As in a graph of seed 1.
+        let seed = random::seed_of(1, "it");
+        let config = Config { id: "it", params: &params, tick_hz, every, audio_hz, seed };
         let [inputs, outputs] = [inputs, outputs].map(|all| all.iter().map(|s| port(*s)).collect::<Vec<_>>());
         let wired = |ports: &[PortType]| -> Vec<Wiring> {
             ports.iter().map(|port| Wiring { port: Some(port.clone()), connected: true }).collect()

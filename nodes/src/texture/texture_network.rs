@@ -31,8 +31,8 @@ pub struct TextureNetwork {
     /// Whether `answer` is the answer to `force`, `velocity` and `material`.
     answered: bool,
     range: Range,
-    /// Frames with a force out of range among the last ten, frames with a velocity out of range, and magnitudes
-    /// that were negative or not finite.
+    /// Frames with a force out of range among the last ten, frames with a velocity out of range, and
+    /// magnitudes that were negative or not finite.
     held: [u64; 3],
     /// Number of frames for which the network was run, and of those for which it was not.
     runs: u64,

@@ -16,8 +16,8 @@
 //! steps go through a low-pass first (Butterworth of second order at 20 Hz, 11 ms late); the rattle is then
 //! 30 dB lower.
 //!
-//! [`HeightSpline`] gives a [`HeightField`] the derivatives that it takes. The effect of the tip's own size on
-//! the heights belongs to the field ([`envelope`]).
+//! [`HeightSpline`] gives a [`HeightField`] the derivatives that it takes. The effect of the tip's own size
+//! on the heights belongs to the field ([`envelope`]).
 //!
 //! [`HeightField`]: asperity_surfaces::topography::HeightField
 //! [`envelope`]: asperity_surfaces::topography::envelope

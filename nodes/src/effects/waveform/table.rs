@@ -46,8 +46,8 @@ const PHASES: usize = 256;
 /// Shape of the Kaiser window.
 const BETA: f64 = 11.0;
 
-/// Weights of a windowed sinc that reads between values, a row a phase. Their band ends at half of the highest
-/// possible frequency.
+/// Weights of a windowed sinc that reads between values, a row a phase. Their band ends at half of the
+/// highest possible frequency.
 type Weights = [[f32; TAPS]];
 
 /// The weights. Making them takes a millisecond; they take 16 KiB.
