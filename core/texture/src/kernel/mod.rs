@@ -321,7 +321,7 @@ unsafe fn whole<S: Simd, const V: usize>(
 ) -> Option<[S::Vector; V]> {
     let row = S::TOGETHER * V * S::LANES;
     let weights = weights.get(..inputs.div_ceil(S::TOGETHER) * row)?;
-    // SAFETY: the caller's promise, also below.
+    // SAFETY: the caller's promise.
     let mut sums = unsafe { [S::nothing(); V] };
     for (group, weights) in S::groups(codes).zip(weights.chunks_exact(row)) {
         for (v, sum) in sums.iter_mut().enumerate() {
@@ -329,6 +329,7 @@ unsafe fn whole<S: Simd, const V: usize>(
             *sum = unsafe { S::gather(*sum, group, weights.as_ptr().add(v * S::TOGETHER * S::LANES).cast()) };
         }
     }
+    // SAFETY: the caller's promise.
     let mut floats = unsafe { [S::splat(codes.scale); V] };
     for (v, (y, sums)) in floats.iter_mut().zip(sums).enumerate() {
         let at = v * S::LANES;

@@ -16,8 +16,8 @@ use asperity_numbers::Elementary as _;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Most numbers held while lowering: a dozen texture networks, 128 MiB.
-const BUDGET: usize = 1 << 23;
+/// Most numbers held while lowering: four texture networks, 128 MiB.
+const BUDGET: usize = 1 << 22;
 /// Most nodes of a graph: a texture network has about fifty.
 const MAX_NODES: usize = 2000;
 
@@ -222,9 +222,14 @@ struct Builder<'g> {
 }
 
 impl Builder<'_> {
+    fn fits(&self, numbers: usize) -> Result<(), String> {
+        if numbers > self.budget { Err("it is too large to lower".into()) } else { Ok(()) }
+    }
+
     /// Counts numbers that are held from now on.
     fn charge(&mut self, numbers: usize) -> Result<(), String> {
-        self.budget = self.budget.checked_sub(numbers).ok_or("it is too large to lower")?;
+        self.fits(numbers)?;
+        self.budget -= numbers;
         Ok(())
     }
 

@@ -9,7 +9,7 @@ pub(super) fn lower(b: &mut Builder<'_>, node: &NodeProto) -> Result<Value, Stri
         return Err("its domain is not ONNX's own".into());
     }
     match node.op_type.as_str() {
-        "Constant" => constant(node),
+        "Constant" => constant(b, node),
         "Identity" | "Dropout" => input(b, node, 0),
         "Cast" => cast(b, node),
         "Reshape" => reshape(b, node),
@@ -44,7 +44,7 @@ fn input(b: &Builder<'_>, node: &NodeProto, index: usize) -> Result<Value, Strin
     let name = node.input.get(index).map_or("", String::as_str);
     match (b.values.get(name), b.tensors.get(name)) {
         (Some(value), _) => Ok(value.clone()),
-        (None, Some(tensor)) => of_tensor(tensor),
+        (None, Some(tensor)) => of_tensor(b, tensor),
         (None, None) => Err(format!("input {index} is missing")),
     }
 }
@@ -136,15 +136,16 @@ fn indices(shape: &[usize], strides: &[usize]) -> impl Iterator<Item = usize> {
     })
 }
 
-fn of_tensor(tensor: &TensorProto) -> Result<Value, String> {
-    let shape = tensor.dims.iter().map(|&d| usize::try_from(d).unwrap_or(0)).collect();
+fn of_tensor(b: &Builder<'_>, tensor: &TensorProto) -> Result<Value, String> {
+    let shape: Vec<usize> = tensor.dims.iter().map(|&d| usize::try_from(d).unwrap_or(0)).collect();
+    b.fits(count(&shape))?;
     Ok(Value::known(shape, proto::numbers(tensor)?, tensor.data_type == DataType::Float as i32))
 }
 
-fn constant(node: &NodeProto) -> Result<Value, String> {
+fn constant(b: &Builder<'_>, node: &NodeProto) -> Result<Value, String> {
     let a = node.attribute.first().ok_or("without a value")?;
     match a.name.as_str() {
-        "value" => of_tensor(a.t.as_ref().ok_or("without a value")?),
+        "value" => of_tensor(b, a.t.as_ref().ok_or("without a value")?),
         "value_float" => Ok(Value::known(vec![], [f64::from(a.f)], true)),
         "value_floats" => Ok(Value::known(vec![a.floats.len()], a.floats.iter().map(|&x| x.into()), true)),
         "value_int" => Ok(Value::known(vec![], [a.i as f64], false)),
@@ -294,9 +295,7 @@ fn elementwise(b: &Builder<'_>, x: Value, y: Value, op: &str) -> Result<Value, S
     let shape = shape.ok_or_else(misfit)?;
     let terms = |v: &Value| v.sums.iter().map(|sum| sum.terms.len()).max().unwrap_or(0);
     let most = shape.iter().try_fold(1 + terms(&x) + terms(&y), |p: usize, &d| p.checked_mul(d));
-    if most.is_none_or(|most| most > b.budget) {
-        return Err("too large".into());
-    }
+    b.fits(most.unwrap_or(usize::MAX))?;
     let (strides_x, strides_y) = (strides(&from_x), strides(&from_y));
     let pairs = indices(&shape, &strides_x).zip(indices(&shape, &strides_y));
     let sums = pairs.map(|(i, j)| match (op, &x.sums[i], &y.sums[j]) {
@@ -342,9 +341,7 @@ fn matmul(b: &mut Builder<'_>, x: Value, y: Value) -> Result<Value, String> {
     if k != k_too || batch.iter().any(|&d| d != 1) {
         return Err(misfit());
     }
-    if m.saturating_mul(n).saturating_mul(k + 1) > b.budget {
-        return Err("too large".into());
-    }
+    b.fits(m.saturating_mul(n).saturating_mul(k + 1))?;
     let shape = [batch, &[m, n]].concat();
     let (x, y) = (b.single(x)?.sums, b.single(y)?.sums);
     let mut sums = Vec::with_capacity(m * n);
