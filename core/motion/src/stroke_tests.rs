@@ -162,7 +162,6 @@ fn names_and_shapes_agree() {
     assert_eq!(Shape::from_name("spiral"), None);
 }
 
-<<<<<<< HEAD
 #[test]
 fn ends_are_at_rest_with_no_acceleration() {
     assert_eq!(minimum_jerk(0.0), 0.0);
@@ -186,57 +185,6 @@ fn integral_is_the_antiderivative() {
     assert_eq!(minimum_jerk_ramp_integral(1.0), 0.5);
 }
 
-/// Polynomial bumps that keep the ends at rest only raise the integral of squared jerk.
-#[test]
-fn no_neighbour_has_less_jerk() {
-    let cost = |e: f64| -> f64 {
-        let f = |s: f64| minimum_jerk(s) + e * (s * (1.0 - s)).powi(3);
-        let (n, h) = (2000, 1e-3);
-        (2..n - 2)
-            .map(|i| {
-                let s = (f64::from(i) + 0.5) / f64::from(n);
-                let (a, b) = (s.max(2.0 * h), h);
-                let a = a.min(1.0 - 2.0 * h);
-                let jerk =
-                    (f(a + 2.0 * b) - 2.0 * f(a + b) + 2.0 * f(a - b) - f(a - 2.0 * b)) / (2.0 * b.powi(3));
-                jerk * jerk / f64::from(n)
-            })
-            .sum()
-    };
-    let least = cost(0.0);
-    // Exact: the third derivative is 60 - 360 s + 360 s^2 with a mean square of 720.
-    assert!((least / 720.0 - 1.0).abs() < 0.02, "{least}");
-    for e in [-2.0, -0.5, 0.5, 2.0] {
-        assert!(cost(e) > least, "{e}");
-    }
-}
-
-||||||| 6d696770
-=======
-#[test]
-fn ends_are_at_rest_with_no_acceleration() {
-    assert_eq!(minimum_jerk(0.0), 0.0);
-    assert_eq!(minimum_jerk(1.0), 1.0);
-    assert_eq!(minimum_jerk(-3.0), 0.0);
-    assert_eq!(minimum_jerk(7.0), 1.0);
-    // Near an end the way grows as 10 h^3: without speed and acceleration.
-    let h = 1e-4;
-    assert!((minimum_jerk(h) / (10.0 * h.powi(3)) - 1.0).abs() < 1e-3);
-    assert!(((1.0 - minimum_jerk(1.0 - h)) / (10.0 * h.powi(3)) - 1.0).abs() < 1e-3);
-}
-
-#[test]
-fn integral_is_the_antiderivative() {
-    let h = 1e-5;
-    for i in 1..100 {
-        let s = f64::from(i) / 100.0;
-        let slope = (minimum_jerk_ramp_integral(s + h) - minimum_jerk_ramp_integral(s - h)) / (2.0 * h);
-        assert!((slope - minimum_jerk(s)).abs() < 1e-7);
-    }
-    assert_eq!(minimum_jerk_ramp_integral(1.0), 0.5);
-}
-
->>>>>>> ar
 proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 

@@ -102,67 +102,9 @@ pub const FORCE_N: f64 = 1.0;
 /// Straight strokes at 1 N over wide pieces of a surface to train on: 4 s at 40, 80, 160 and 280 mm/s
 /// in six directions, and 3 s at 80 mm/s in five more.
 pub fn straight_strokes(surface: &MadeSurface, settings: &Settings) -> Vec<Vec<Stroke>> {
-<<<<<<< HEAD
-    let long = LONG.into_iter().flat_map(|(speed, angles)| angles.map(|angle| (speed, angle, SECONDS)));
-    let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));
-    let ways: Vec<(f64, f64, f64)> = long.chain(more).collect();
-    let pieces = (0..PIECES.min(settings.pieces[0])).map(|number| settings.piece(number));
-    pieces.map(|seed| strokes_over(surface, TIMES, seed, &ways)).collect()
-}
-
-/// Strokes over a piece `times` as wide as those trained on: speeds in mm/s, angles to x in degrees, and
-/// lengths in seconds.
-pub(crate) fn strokes_over(
-    surface: &MadeSurface,
-    times: usize,
-    seed: u64,
-    ways: &[(f64, f64, f64)],
-) -> Vec<Stroke> {
-    let piece = surface.wide_patch(GRID, times, seed);
-    let envelope = Tool::PEN.track(&piece, &surface.contact);
-    let rate = f64::from(SAMPLE_HZ);
-    let over = |(stroke, &(speed, angle_deg, seconds)): (usize, &(f64, f64, f64))| {
-        let (sin, cos) = angle_deg.to_radians().sin_cos();
-        let place = |t: f64| [speed * t * cos, speed * t * sin];
-        let samples = ((seconds + SETTLING_S) * rate).round() as usize;
-        let at = |sample: usize| (place(sample as f64 / rate), -FORCE_N / STIFFNESS_N_PER_MM);
-        // Golden sections of the piece: no two strokes begin alike.
-        let part = |by: f64| envelope.length_mm() * ((stroke + 1) as f64 * by).fract();
-        let axes = along(&envelope, surface.contact, samples, at, [part(0.618_034), part(0.754_878)]);
-        let settled = (SETTLING_S * rate) as usize;
-        let axes: Vec<&[f64]> = axes.iter().map(|axis| &axis[settled..]).collect();
-        Stroke::new(rate, &axes, place)
-||||||| 6d696770
-    let over = |number: usize| {
-        let piece = surface.wide_patch(GRID, TIMES, settings.piece(number));
-        let envelope = Tool::PEN.track(&piece, &surface.contact);
-        let long = LONG.into_iter().flat_map(|(speed, angles)| angles.map(|angle| (speed, angle, SECONDS)));
-        let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));
-        let mut strokes = Vec::new();
-        for (stroke, (speed, angle_deg, seconds)) in long.chain(more).enumerate() {
-            let (sin, cos) = angle_deg.to_radians().sin_cos();
-            let place = |t: f64| [speed * t * cos, speed * t * sin];
-            let rate = f64::from(SAMPLE_HZ);
-            let samples = ((seconds + SETTLING_S) * rate).round() as usize;
-            let at = |sample: usize| (place(sample as f64 / rate), -FORCE_N / STIFFNESS_N_PER_MM);
-            // Golden sections of the piece: no two strokes begin alike.
-            let part = |by: f64| envelope.length_mm() * ((stroke + 1) as f64 * by).fract();
-            let axes = along(&envelope, surface.contact, samples, at, [part(0.618_034), part(0.754_878)]);
-            let settled = (SETTLING_S * rate) as usize;
-            let axes: Vec<&[f64]> = axes.iter().map(|axis| &axis[settled..]).collect();
-            strokes.push(Stroke::new(rate, &axes, place));
-        }
-        strokes
-=======
     let six = |(speed, first): (f64, f64)| {
         [0, 1, 2, 3, 4, 5].map(|i| (speed, first + 30.0 * f64::from(i), SECONDS))
->>>>>>> ar
     };
-<<<<<<< HEAD
-    ways.iter().enumerate().map(over).collect()
-||||||| 6d696770
-    (0..PIECES.min(settings.pieces[0])).map(over).collect()
-=======
     let long = LONG.into_iter().flat_map(six);
     let more = MORE_DEG.map(|angle| (MORE_MM_S, angle, MORE_SECONDS));
     let ways: Vec<(f64, f64, f64)> = long.chain(more).collect();
@@ -194,7 +136,6 @@ pub(crate) fn strokes_over(
         Stroke::new(rate, &axes, place)
     };
     ways.iter().enumerate().map(over).collect()
->>>>>>> ar
 }
 
 /// Pattern of a surface from [strokes](straight_strokes) over pieces to train on; with a network's

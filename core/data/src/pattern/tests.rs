@@ -122,17 +122,8 @@ fn weak_wave_counts_where_all_pieces_have_it() {
 
 #[test]
 fn isotropic_noise_has_neither_wave_nor_bump() {
-<<<<<<< HEAD
-    let strokes = strokes_along(&BUMPY, &Pattern::default(), 2.0, 100);
-    assert_eq!(found(&[strokes], None, &QUICK), Pattern::default());
-    assert_eq!(found(&[], None, &QUICK), Pattern::default());
-||||||| 6d696770
-    assert_eq!(find(&[strokes(&Pattern::default(), 6.0)], None), Pattern::default());
-    assert_eq!(find(&[], None), Pattern::default());
-=======
     assert_eq!(found(&[strokes(&Pattern::default(), 4.0)], None, &QUICK), Pattern::default());
     assert_eq!(found(&[], None, &QUICK), Pattern::default());
->>>>>>> ar
 }
 
 /// Asserts that a pattern is as bumpy as another at three speeds. Other constants may be as good: rare
@@ -204,21 +195,10 @@ fn wave_repeats_about_as_much_as_the_strokes() {
         }],
         events: None,
     };
-<<<<<<< HEAD
-    let pieces = [(0.98, 100), (1.02, 300)];
-    let ways = [(60.0, 40.0), (80.0, -20.0), (160.0, 75.0), (240.0, 55.0)];
-    let pieces = pieces.map(|(pitch, seed)| strokes_along(&ways, &of(pitch), 3.0, seed));
-    let found = found(&pieces, None, &OF_WAVES);
-||||||| 6d696770
-    let pieces = [(0.97, 100), (1.0, 200), (1.03, 300)];
-    let pieces: Vec<_> = pieces.map(|(pitch, seed)| strokes_of(&of(pitch), 4.0, seed)).into();
-    let found = find(&pieces, None);
-=======
     let pieces = [(0.97, 100), (1.0, 200), (1.03, 300)];
     let ways = [(60.0, 40.0), (80.0, -20.0), (160.0, 75.0), (240.0, 55.0)];
     let pieces = pieces.map(|(pitch, seed)| strokes_along(&ways, &of(pitch), 3.0, seed));
     let found = found(&pieces, None, &OF_WAVES);
->>>>>>> ar
     assert_eq!(found.waves.len(), 1, "{found:?}");
     let repeats = |pattern: &Pattern| {
         let x = rendered(pattern, &magnitudes(), &places(100.0, 10.0, 20.0), 5);
