@@ -156,7 +156,8 @@ fn long_latency_and_unknown_parameter_are_refused() {
 
 #[test]
 fn retrieval_needs_one_magnitude_input_and_one_output() {
-    let found = audio_kind("a").retrieval().map(|r| (r.input, r.output, r.spectrum));
+    let kind = audio_kind("a");
+    let found = kind.retrieval().map(|r| (r.input, r.output, r.spectrum));
     assert_eq!(found, Some(("magnitude", "signal", false)));
     let control = || Input::new("more", ShapeSpec::Control(1), Unit::NONE);
     let (mut two_outputs, mut of_audio) = (audio_kind("a"), audio_kind("a"));
