@@ -35,7 +35,7 @@ fn shown() -> (Board, View) {
     // One node less, so that all fit.
     run.layout.nodes.pop();
     board.lay_out(&run.layout);
-    let counted = |view| View { underruns: 2, lost_samples: 431, ..view };
+    let counted = |view| View { underruns: 2, lost_samples: 431, faults: 1, ..view };
     for frame in (0..60).rev() {
         board.take(&counted(run.view()), NOW - Duration::from_secs(1) / 60 * frame);
     }
@@ -58,7 +58,7 @@ fn small_terminal_shows_one_pane_at_a_time() {
     let mut board = playing();
     let always = ["_pointer.ron", "PLAYING", "0:00:04.9", "dBFS", "deadline 2000 us", "latency 7.7 ms"];
     let always =
-        [&always[..], &["device 2.7 =", "underruns 2", "lost 431", "faults 0", "q stop", "3 set"]].concat();
+        [&always[..], &["device 2.7 =", "underruns 2", "lost 431", "faults 1", "q stop", "3 set"]].concat();
     let scopes = ["speed peak", "force peak", "acceleration peak", "current peak"];
     for (tab, own) in [
         (Tab::Nodes, &["stylus", "texture", "m/s²"][..]),
