@@ -198,7 +198,10 @@ fn work(
             continue;
         };
         let Some(job) = job else {
-            let answer = contain(|| Ok(drop(node)));
+            let answer = contain(|| {
+                drop(node);
+                Ok(())
+            });
             let _ = answers.try_push((answer, desk));
             return;
         };
