@@ -108,13 +108,13 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     let (old, new) = (free_port(), free_port());
-    edit(dir, &osc_graph(old));
+    edit(dir, osc_graph(old));
     let mut live = Live::start(dir, &["g.ron", "--watch", "--device", CARD, "--report", "r.json"]);
     live.says("plays on");
 
     // The port is taken now: another run says so, and plays nothing.
     let elsewhere = tempfile::tempdir().expect("a folder");
-    edit(elsewhere.path(), &osc_graph(old));
+    edit(elsewhere.path(), osc_graph(old));
     let other = harness::run(elsewhere.path(), &["run", "g.ron", "--device", CARD, "--seconds", "1"]);
     assert_eq!(other.code, 2, "{}", other.err);
     assert!(other.err.contains(&format!("127.0.0.1:{old}")) && other.err.contains("stylus"), "{}", other.err);
@@ -138,7 +138,7 @@ fn a_stylus_goes_on_while_its_graph_changes() -> Result<(), String> {
     going.store(false, Relaxed);
     let held_s = sender.join().expect("it sends").held_s.get();
     // Nobody sends any more; then it listens elsewhere.
-    edit(dir, &text.replace(&old.to_string(), &new.to_string()));
+    edit(dir, text.replace(&old.to_string(), &new.to_string()));
     let said = live.says("changed:");
     assert!(said.contains("stylus"), "{said}");
     Tracker::around(200.0, old).strokes(0.2);
@@ -196,7 +196,7 @@ fn a_source_that_falls_silent_is_counted_and_no_longer_heard() {
         let dir = tempfile::tempdir().expect("a folder");
         let dir = dir.path();
         let port = free_port();
-        edit(dir, &osc_graph(port).replace("timeout_ms: 400", "timeout_ms: 50"));
+        edit(dir, osc_graph(port).replace("timeout_ms: 400", "timeout_ms: 50"));
         let mut live = Live::start(dir, &["g.ron", "--device", CARD, "--report", "r.json"]);
         live.says("plays on");
         let tracker = Tracker::to(port);
