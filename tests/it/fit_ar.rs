@@ -219,7 +219,7 @@ fn arrays_and_wav_files_are_fitted_as_tables_are() {
     fit(&dir, "s.wav --out c.ron").ok();
     same_models(&read(&dir, "c.ron"));
     // The file that names the channels is not to be lost.
-    fit(&dir, "s.wav --out recording.ron").refused("this file is read");
+    fit(&dir, "s.wav --out recording.ron").refused("RECORDING reads this file");
 }
 
 #[test]

@@ -47,7 +47,7 @@ const MUTANTS: &[(&str, &str, &str, &str)] = &[
     ("DEAF_TO_ELAPSED", "turning", "sleep", "after 120 ticks asleep: `spectrum` differs"),
     ("ABSORB_FAILS", "late", "cycle", "failed with code 0"),
     ("SAVES_TOO_LITTLE", "low_pass", "state", "restored at tick 1 into a fresh instance: `out` differs"),
-    ("SAVES_TOO_MUCH", "low_pass", "state", "saved 16 bytes into 0"),
+    ("SAVES_TOO_MUCH", "low_pass", "state", "save wrote past the memory it was given"),
     (
         "TRUSTS_ANY_STATE",
         "low_pass",

@@ -330,7 +330,7 @@ fn a_new_plugin_in_every_language_builds_and_is_found() {
         ("../x/../y z", "cannot be the name"),
         ("no/such/folder/mine", "cannot make this folder"),
     ] {
-        dir.run(&format!("plugin new {name}")).refused(says);
+        run(&dir, &["plugin", "new", name]).refused(says);
     }
     assert_eq!(dir.files(), before, "nothing is left behind");
 }

@@ -73,7 +73,7 @@ fn nothing_that_is_read_is_written_over() {
         "scene expand s.ron --out s.ron",
     ];
     let others = [
-        ("invert --magnitudes v/a_2500.mag.npy --rate 2500 --out v/a_2500.mag.npy", "magnitudes themselves"),
+        ("invert --magnitudes v/a_2500.mag.npy --rate 2500 --out v/a_2500.mag.npy", "overwritten by --out"),
         ("compare -q --plugin ./libtold.so --csv libtold.so", "is there already"),
         ("compare -q --vectors v --svg v/a_2500.mag.npy", "is there already"),
     ];
