@@ -173,7 +173,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_played() {
     std::fs::copy(graphs("actuators/hapcoil_one.ron"), dir.path().join("mine.ron")).expect("a copy");
     let cases: [(&[&str], &str); 8] = [
         (&["--out", "mine.ron", "--base", "./mine.ron"], "would be overwritten"),
-        (&["--plot", "found.ron"], "a name of its own"),
+        (&["--plot", "found.ron"], "would write the same file"),
         (&["--second-mass-g", "200"], "no terminal"),
         (&["--second-mass-g", "61", "--yes"], "too much alike"),
         (&["--amps", "1.5"], "out of range"),
