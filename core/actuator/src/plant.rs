@@ -152,4 +152,18 @@ mod tests {
             assert!(worst[0] < 1e-12 && worst[1] < 1e-7 && worst[2] < 1e-5, "{drive:?} {worst:?}");
         }
     }
+
+    #[test]
+    fn constant_voltage_gives_static_deflection_only() {
+        let d = hapcoil(250.0);
+        let mut plant = Plant::new(&d, Drive::Voltage, 48_000.0);
+        let mut last = Motion::default();
+        for _ in 0..96_000 {
+            last = plant.step(0.9);
+        }
+        let amps = 0.9 / d.resistance;
+        assert!((last.current - amps).abs() < 1e-12);
+        assert!((last.displacement - d.force_factor * amps / d.stiffness).abs() < 1e-12);
+        assert!(last.acceleration.abs() < 1e-9);
+    }
 }

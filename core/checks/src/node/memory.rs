@@ -179,7 +179,8 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
     Ok(format!("{size} bytes"))
 }
 
-/// Bytes that are no state: other lengths, random bytes, equal bytes, a state with a few bits flipped.
+/// Bytes that are no state: other lengths, random bytes, equal bytes, a state with a few bits flipped, or with a
+/// wild number in it.
 fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
     let mut out = vec![vec![0], vec![0xff; 64]];
     if state.is_empty() {
@@ -200,6 +201,16 @@ fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
             }
         }
         out.push(flipped);
+    }
+    // Numbers and places stand in front of or behind long lists.
+    let last = state.len().saturating_sub(8);
+    for at in (0..=last).filter(|at| at % 4 == 0 && (*at < 48 || last - at < 48)) {
+        for wild in [f64::NAN.to_le_bytes(), 1e300_f64.to_le_bytes(), u64::MAX.to_le_bytes()] {
+            let mut bytes = state.to_vec();
+            let part = bytes.iter_mut().skip(at).zip(wild);
+            part.for_each(|(byte, wild)| *byte = wild);
+            out.push(bytes);
+        }
     }
     out
 }

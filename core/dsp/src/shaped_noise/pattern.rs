@@ -127,6 +127,7 @@ impl Pattern {
 impl Keep for Pattern {
     fn keep(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.waves).keep(&mut self.events);
+        state.require(self.waves.iter().flatten().all(|wave| wave.per_mm != [0.0; 2]));
     }
 }
 
@@ -134,8 +135,9 @@ impl Keep for Events {
     fn keep(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.spacing_mm).keep(&mut self.spacing_exponent).keep(&mut self.anisotropy);
         state.keep(&mut self.interval_cv).keep(&mut self.height_cv);
-        let distances = [self.spacing_mm.unwrap_or_default(), self.interval_cv, self.height_cv];
+        let distances = [self.spacing_mm.unwrap_or(1.0), self.interval_cv, self.height_cv];
         state.require(distances.iter().all(|x| (0.0..=1e3).contains(x)));
+        state.require(self.spacing_mm.is_none_or(|spacing| spacing > 0.0));
         state.require(self.spacing_exponent.abs() <= MOST_EXPONENT);
         state.require(self.anisotropy[0].hypotenuse(self.anisotropy[1]) < 1.0);
     }

@@ -190,6 +190,15 @@ mod tests {
             packet.extend((left as u32).to_be_bytes());
         }
         assert!(messages(&packet).1.is_err());
+        // Rightly sized, so that only the depth is wrong.
+        let mut nested = b"/a\0\0,i\0\0\0\0\0\x01".to_vec();
+        for _ in 0..1000 {
+            let mut outer = b"#bundle\0\0\0\0\0\0\0\0\x01".to_vec();
+            outer.extend((nested.len() as u32).to_be_bytes());
+            outer.extend(&nested);
+            nested = outer;
+        }
+        assert!(messages(&nested).1.unwrap_err().contains("nested more than 8"));
         let mut arrays = b"/a\0\0,".to_vec();
         arrays.resize(60_000, b'[');
         arrays.extend([0; 4]);
