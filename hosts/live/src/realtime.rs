@@ -46,7 +46,7 @@ impl fmt::Display for Grant {
 /// Results of all requests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Grants {
-    /// SCHED_FIFO for the tick thread.
+    /// SCHED_FIFO for the tick thread, and for the device's if that is another.
     pub priority: Grant,
     /// Locked memory of the process.
     pub memory: Grant,

@@ -1,11 +1,13 @@
 //! One page: figures out, requests and strokes in.
 
-use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
 use asperity_live::view::{Layout, Request};
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
 use crate::hand::Pen;
@@ -16,6 +18,8 @@ use crate::wire::{self, AHEAD, Ask, PATIENCE, Told};
 const MESSAGES: [f64; 2] = [4000.0, 8000.0];
 /// Most requests of a page in a second, and at once. A slider sends one a frame.
 const ASKS: [f64; 2] = [250.0, 500.0];
+/// Most answers that wait for a page.
+const ANSWERS: usize = 16;
 /// Longest wait for a page to hear why it is disconnected.
 const FAREWELL: Duration = Duration::from_secs(1);
 
@@ -27,33 +31,72 @@ const GONE: Leave = (close_code::NORMAL, "");
 
 /// Serves a page until it leaves, breaks a rule, or the server stops.
 pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
+    let (mut to, mut from) = socket.split();
+    let (tell_got, got) = watch::channel(0);
+    let (answers, mut waiting) = mpsc::channel(ANSWERS);
     let mut stop = shared.stop.subscribe();
-    let mut client = Client {
-        socket,
-        page,
-        shared: &shared,
-        pen: Pen::default(),
-        messages: Bucket::new(MESSAGES),
-        asks: Bucket::new(ASKS),
-        got: 0,
-        sent: 0,
-        since: Instant::now(),
-        layouts: 0,
-        seen: 0,
-    };
+    let since = Instant::now();
+    let show = Show { to: &mut to, page, shared: &shared, got, sent: 0, since, layouts: 0, seen: 0 };
     let (code, reason) = tokio::select! {
-        Err(leave) = client.run() => leave,
+        leave = listen(&mut from, page, &shared, tell_got, answers) => leave,
+        leave = show.run(&mut waiting) => leave,
         _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
     };
     shared.hand.free(page);
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
     // A socket that closes with unread data also loses its last message: the reason.
     let farewell = async {
-        if client.socket.send(close).await.is_ok() {
-            while let Some(Ok(_)) = client.socket.recv().await {}
+        if to.send(close).await.is_ok() {
+            while let Some(Ok(_)) = from.next().await {}
         }
     };
     let _ = timeout(FAREWELL, farewell).await;
+}
+
+/// Reads the messages of a page.
+async fn listen(
+    from: &mut SplitStream<WebSocket>,
+    page: u64,
+    shared: &Shared,
+    got: watch::Sender<u64>,
+    answers: mpsc::Sender<String>,
+) -> Leave {
+    let (mut messages, mut asks) = (Bucket::new(MESSAGES), Bucket::new(ASKS));
+    let mut pen = Pen::default();
+    while let Some(message) = from.next().await {
+        // Too long, or not a WebSocket message.
+        let Ok(message) = message else { return (close_code::PROTOCOL, "not a valid message") };
+        if !messages.take() {
+            return (close_code::POLICY, "too many messages");
+        }
+        match message {
+            Message::Text(text) => {
+                let Ok(ask) = serde_json::from_str(&text) else {
+                    return (close_code::INVALID, "unknown request");
+                };
+                if !asks.take() {
+                    return (close_code::POLICY, "too many requests");
+                }
+                if let Err(why) = pass(ask, shared) {
+                    // A page that does not read its answers loses them.
+                    let _ = answers.try_send(serde_json::json!({ "refused": why }).to_string());
+                }
+            }
+            Message::Binary(bytes) => match wire::told(&bytes) {
+                None => return (close_code::INVALID, "not a valid binary message"),
+                Some(Told::Got(count)) => {
+                    got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
+                }
+                Some(Told::Hand(sent, strokes)) => {
+                    shared.hand.moved(page, &mut pen, sent, &strokes);
+                }
+                Some(Told::Free) => shared.hand.free(page),
+            },
+            Message::Ping(_) | Message::Pong(_) => {}
+            Message::Close(_) => return GONE,
+        }
+    }
+    GONE
 }
 
 /// Carries a request out, or passes it on if it fits the graph. An error is shown on the page.
@@ -93,16 +136,13 @@ fn material(node: String, name: String, layout: &Layout) -> Result<Request, Stri
     Ok(Request::Material { node, name })
 }
 
-/// A page and what it was told.
-struct Client<'a> {
-    socket: WebSocket,
+/// Shows the run to a page.
+struct Show<'a> {
+    to: &'a mut SplitSink<WebSocket, Message>,
     page: u64,
     shared: &'a Shared,
-    pen: Pen,
-    messages: Bucket,
-    asks: Bucket,
     /// Views that the page has acknowledged, and that it was sent.
-    got: u64,
+    got: watch::Receiver<u64>,
     sent: u64,
     /// Start of the wait for an acknowledgement.
     since: Instant,
@@ -110,66 +150,48 @@ struct Client<'a> {
     seen: u64,
 }
 
-impl Client<'_> {
-    async fn run(&mut self) -> Result<Infallible, Leave> {
+impl Show<'_> {
+    async fn run(mut self, waiting: &mut mpsc::Receiver<String>) -> Leave {
         let mut news = self.shared.feed.news();
         let mut holder = self.shared.hand.holder();
         holder.mark_changed();
         loop {
             news.mark_unchanged();
-            self.catch_up().await?;
-            let owes = self.sent > self.got;
-            tokio::select! {
-                _ = news.changed() => {}
-                message = self.socket.recv() => match message {
-                    None => return Err(GONE),
-                    // Too long, or not a WebSocket message.
-                    Some(Err(_)) => return Err((close_code::PROTOCOL, "not a valid message")),
-                    Some(Ok(message)) => self.hear(message).await?,
-                },
-                Ok(()) = holder.changed() => {
-                    let has = *holder.borrow_and_update();
-                    let whose = has.map_or("free", |page| if page == self.page { "yours" } else { "theirs" });
-                    self.tell(&serde_json::json!({ "hand": whose })).await?;
+            if let Err(leave) = self.catch_up().await {
+                return leave;
+            }
+            let owes = self.sent > *self.got.borrow();
+            let changed = async { holder.changed().await.map(|()| *holder.borrow_and_update()) };
+            let text = tokio::select! {
+                // In this order: an acknowledgement that came during a send counts before the wait is over.
+                biased;
+                _ = news.changed() => None,
+                got = self.got.changed() => {
+                    self.since = Instant::now();
+                    if got.is_err() { return GONE }
+                    if *self.got.borrow_and_update() > self.sent {
+                        return (close_code::INVALID, "acknowledged more views than were sent");
+                    }
+                    None
                 }
-                () = sleep_until(self.since + PATIENCE), if owes => return Err(SLOW),
+                Ok(has) = changed => Some(self.hand(has).to_owned()),
+                Some(answer) = waiting.recv() => Some(answer),
+                () = sleep_until(self.since + PATIENCE), if owes => return SLOW,
+            };
+            if let Some(text) = text
+                && let Err(leave) = self.send(Message::Text(text.into())).await
+            {
+                return leave;
             }
         }
     }
 
-    async fn hear(&mut self, message: Message) -> Result<(), Leave> {
-        if !self.messages.take() {
-            return Err((close_code::POLICY, "too many messages"));
+    fn hand(&self, has: Option<u64>) -> &'static str {
+        match has {
+            Some(page) if page == self.page => r#"{"hand":"yours"}"#,
+            Some(_) => r#"{"hand":"theirs"}"#,
+            None => r#"{"hand":"free"}"#,
         }
-        match message {
-            Message::Text(text) => {
-                let ask =
-                    serde_json::from_str(&text).map_err(|_| (close_code::INVALID, "unknown request"))?;
-                if !self.asks.take() {
-                    return Err((close_code::POLICY, "too many requests"));
-                }
-                if let Err(why) = pass(ask, self.shared) {
-                    self.tell(&serde_json::json!({ "refused": why })).await?;
-                }
-            }
-            Message::Binary(bytes) => match wire::told(&bytes) {
-                None => return Err((close_code::INVALID, "not a valid binary message")),
-                Some(Told::Got(count)) if count > self.sent => {
-                    return Err((close_code::INVALID, "acknowledged more views than were sent"));
-                }
-                Some(Told::Got(count)) if count > self.got => {
-                    (self.got, self.since) = (count, Instant::now());
-                }
-                Some(Told::Got(_)) => {}
-                Some(Told::Hand(sent, strokes)) => {
-                    self.shared.hand.moved(self.page, &mut self.pen, sent, &strokes);
-                }
-                Some(Told::Free) => self.shared.hand.free(self.page),
-            },
-            Message::Ping(_) | Message::Pong(_) => {}
-            Message::Close(_) => return Err(GONE),
-        }
-        Ok(())
     }
 
     /// Sends what is new, as far as the page keeps up.
@@ -180,13 +202,15 @@ impl Client<'_> {
             let text = wire::layout(&layout, self.shared.hand.is_there());
             self.send(Message::Text(text.into())).await?;
         }
-        let room = usize::try_from(AHEAD.saturating_sub(self.sent - self.got)).unwrap_or(0);
+        let owed = self.sent.saturating_sub(*self.got.borrow());
+        let room = usize::try_from(AHEAD.saturating_sub(owed)).unwrap_or(0);
         if room == 0 || news.views.is_empty() {
             return Ok(());
         }
+        let views = &news.views[news.views.len().saturating_sub(room)..];
         self.seen = news.newest;
-        for view in &news.views[news.views.len().saturating_sub(room)..] {
-            if self.sent == self.got {
+        for view in views {
+            if self.sent == *self.got.borrow() {
                 self.since = Instant::now();
             }
             self.sent += 1;
@@ -195,12 +219,8 @@ impl Client<'_> {
         Ok(())
     }
 
-    async fn tell(&mut self, what: &serde_json::Value) -> Result<(), Leave> {
-        self.send(Message::Text(what.to_string().into())).await
-    }
-
     async fn send(&mut self, message: Message) -> Result<(), Leave> {
-        match timeout(PATIENCE, self.socket.send(message)).await {
+        match timeout(PATIENCE, self.to.send(message)).await {
             Ok(Ok(())) => Ok(()),
             Ok(Err(_)) => Err(GONE),
             Err(_) => Err(SLOW),

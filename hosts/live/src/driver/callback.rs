@@ -32,7 +32,7 @@ pub struct CallbackHalf<T> {
 /// A run whose ticks an audio device calls, and its process for the device, which must have the ticker's
 /// rate and channels.
 pub fn callback<T: Ticker>(ticker: T, options: &Options) -> (Driver<T>, CallbackHalf<T>) {
-    let controls = Controls::new(options);
+    let controls = Controls::new(options, None);
     let out = Output::new(Arc::clone(&controls), &ticker.rates(), options.start_s);
     let stream = Stream::new(&ticker);
     let slot = Arc::new(Mutex::new(Some(ticker)));

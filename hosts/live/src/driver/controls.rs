@@ -33,13 +33,16 @@ pub struct Controls {
     period_ns: AtomicU64,
     pub(super) lead_ns: AtomicU64,
     pub(super) asked: Asked,
+    /// Request of the device's thread, if ticks run on another.
+    pub(super) device_asked: Option<Asked>,
     meters: Arc<Meters>,
     pub(super) priority: Option<i32>,
     limits: Option<SharedLimits>,
 }
 
 impl Controls {
-    pub(super) fn new(options: &Options) -> Arc<Self> {
+    /// Controls of one driver. `device_asked`: for a device's thread beside the one that ticks.
+    pub(super) fn new(options: &Options, device_asked: Option<Asked>) -> Arc<Self> {
         Arc::new(Self {
             run_control: options.run_control.clone(),
             stopping: AtomicBool::default(),
@@ -52,6 +55,7 @@ impl Controls {
             period_ns: AtomicU64::default(),
             lead_ns: AtomicU64::default(),
             asked: Asked::default(),
+            device_asked,
             meters: Arc::clone(&options.meters),
             priority: options.priority,
             limits: options.limits.clone(),
@@ -73,9 +77,10 @@ impl Controls {
         self.failed.load(Relaxed)
     }
 
-    /// Real-time priority of the tick thread; `NotAsked` until it ran. The device's thread asks for the same.
+    /// Real-time priority of the tick thread, or of the device's thread if that got less. `NotAsked` until
+    /// both ran, unless one of them was refused before.
     pub fn priority(&self) -> Grant {
-        self.asked.get()
+        worse(self.asked.get(), self.device_asked.as_ref().map(Asked::get))
     }
 
     /// Time between a tick's reading of its inputs and the callback that asks for its first sample [ns]:
@@ -149,18 +154,45 @@ impl Controls {
     }
 }
 
+/// The worse grant of two threads, or the only one.
+fn worse(ticks: Grant, device: Option<Grant>) -> Grant {
+    match device {
+        Some(device) if device.missing() && !ticks.missing() => device,
+        Some(Grant::NotAsked) if !ticks.missing() => Grant::NotAsked,
+        _ => ticks,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn peak_between_callbacks_stays_that_of_the_last_block() {
-        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))));
+        let controls = Controls::new(&Options::new(Arc::new(Meters::new(500))), None);
         let ramp = Ramp::new(48_000, 1, 0.0);
         controls.note(&ramp, &[0.1, -0.75, 0.2]);
         controls.note(&ramp, &[0.25]);
         assert_eq!([controls.peak(), controls.peak(), controls.peak()], [0.75, 0.25, 0.25]);
         controls.note(&ramp, &[0.0]);
         assert_eq!(controls.peak(), 0.0);
+    }
+
+    #[test]
+    fn grant_of_two_threads_is_the_worse_one() {
+        use Grant::{Granted, NotAsked, NotSupported, Refused};
+        for (ticks, device, told) in [
+            (Granted, None, Granted),
+            (NotAsked, None, NotAsked),
+            (Granted, Some(Granted), Granted),
+            (Granted, Some(NotAsked), NotAsked),
+            (NotAsked, Some(Granted), NotAsked),
+            (Granted, Some(Refused(1)), Refused(1)),
+            (NotAsked, Some(NotSupported), NotSupported),
+            (Refused(1), Some(Granted), Refused(1)),
+            (Refused(1), Some(NotAsked), Refused(1)),
+        ] {
+            assert_eq!(worse(ticks, device), told, "{ticks:?}, {device:?}");
+        }
     }
 }

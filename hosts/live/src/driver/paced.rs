@@ -24,7 +24,7 @@ use super::run::{self, Output, RUN_BEHIND, Rates, SLEW};
 use super::{Clock, Controls, Driver, Options, Ticker, sleep_until};
 use crate::dll::Line;
 use crate::now_ns;
-use crate::realtime::{ask_priority, touch_stack};
+use crate::realtime::Asked;
 
 opaque_debug!(PacedHalf);
 
@@ -48,7 +48,7 @@ const DEVICE_STACK: usize = 32_768;
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
 pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<(Driver<T>, PacedHalf)> {
-    let controls = Controls::new(options);
+    let controls = Controls::new(options, Some(Asked::default()));
     let rates = ticker.rates();
     let (to, ring) = HeapRb::new(room(&rates, options)).split();
     let (lines, heard) = triple_buffer::triple_buffer(&Line::default());
@@ -61,7 +61,6 @@ pub fn paced<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Resu
         lines,
         owed: 0,
         began: false,
-        priority: options.priority,
     };
     let pace = Pace {
         controls: Arc::clone(&controls),
@@ -219,8 +218,6 @@ pub struct PacedHalf {
     /// Frames owed, without the thread's skips.
     owed: i64,
     began: bool,
-    /// Priority that the device's thread still has to request.
-    priority: Option<i32>,
 }
 
 impl Process for PacedHalf {
@@ -228,11 +225,9 @@ impl Process for PacedHalf {
         let _flushed = Flushed::new();
         let Some(heard) = self.out.begin(block) else { return };
         let (controls, channels) = (Arc::clone(&self.out.controls), self.out.channels);
-        // Ticks run on another thread, but a late callback is audible too. If this is refused, so is the
-        // request of the thread that ticks, which is reported.
-        if let Some(priority) = self.priority.take() {
-            ask_priority(priority);
-            touch_stack::<DEVICE_STACK>();
+        // Ticks run on another thread, but a late callback is audible too.
+        if let Some(asked) = &controls.device_asked {
+            asked.once::<DEVICE_STACK>(controls.priority);
         }
         self.lines.write(*self.out.dll.line());
         if heard.lost > 0 && self.began {

@@ -16,7 +16,7 @@ const NAP_NS: u64 = 20_000_000;
 /// # Errors
 /// The system gives no thread; the ticker is lost then.
 pub fn timer<T: Ticker + 'static>(ticker: T, options: &Options) -> std::io::Result<Driver<T>> {
-    Driver::thread(Clock::Timer, Controls::new(options), |controls| run(ticker, controls))
+    Driver::thread(Clock::Timer, Controls::new(options, None), |controls| run(ticker, controls))
 }
 
 fn run<T: Ticker>(mut ticker: T, controls: &Controls) -> T {
