@@ -13,11 +13,11 @@ use crate::onnx::GraphProto;
 use crate::proto;
 use crate::signature::{Role, Signature};
 use asperity_numbers::Elementary as _;
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-/// Most numbers held while lowering: four texture networks, 128 MiB.
-const BUDGET: usize = 1 << 22;
+/// Most numbers held while lowering, sums and weights together: about six texture networks, 256 MiB.
+const BUDGET: usize = 1 << 23;
 /// Most nodes of a graph: a texture network has about fifty.
 const MAX_NODES: usize = 2000;
 
@@ -178,7 +178,30 @@ impl Lowered {
                 && value.sums == elements(first..first + len);
             outputs.push(if whole { first..first + len } else { b.push(&value.sums, End::NONE)? });
         }
-        Ok(Self { steps: b.steps, outputs, constant: b.constant })
+        let mut net = Self { steps: b.steps, outputs, constant: b.constant };
+        net.drop_unread();
+        Ok(net)
+    }
+
+    /// Drops steps that no output needs. Elements keep their numbers; those of dropped steps are never read.
+    fn drop_unread(&mut self) {
+        let mut read = vec![false; self.constant.len()];
+        self.outputs.iter().for_each(|output| read[output.clone()].fill(true));
+        let mut kept = Vec::new();
+        // From the last step to the first: a step is read only by later ones.
+        for step in std::mem::take(&mut self.steps).into_iter().rev() {
+            if read[step.first..][..step.len()].contains(&true) {
+                match &step.kind {
+                    StepKind::Affine(a) => a.inputs.iter().for_each(|k| read[*k] = true),
+                    StepKind::Elements(sums) => {
+                        sums.iter().flat_map(|sum| &sum.terms).for_each(|(k, _)| read[*k] = true);
+                    }
+                }
+                kept.push(step);
+            }
+        }
+        kept.reverse();
+        self.steps = kept;
     }
 
     /// Multiply-adds of all steps.
@@ -243,10 +266,15 @@ impl Builder<'_> {
             return Err("weights are not finite".into());
         }
         let single = sums.iter().all(|sum| sum.terms.len() <= 1);
+        let constant = terms().all(|(element, _)| self.constant[*element]);
+        // Weights are a full matrix, here or, for elements of which some are constant, when they are packed.
+        if !single || (!constant && terms().any(|(element, _)| self.constant[*element])) {
+            let inputs = terms().map(|(element, _)| *element).collect::<HashSet<_>>().len();
+            self.charge(inputs.saturating_mul(sums.len()))?;
+        }
         let kind =
             if single { StepKind::Elements(sums.to_vec()) } else { StepKind::Affine(Affine::new(sums)) };
         let first = self.constant.len();
-        let constant = terms().all(|(element, _)| self.constant[*element]);
         self.constant.extend(std::iter::repeat_n(constant, sums.len()));
         self.steps.push(Step { first, kind, end });
         Ok(first..first + sums.len())

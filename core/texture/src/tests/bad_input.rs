@@ -189,6 +189,53 @@ fn outer_products_are_refused_before_they_are_made() {
     assert!(e.contains("brings the tensors to") && e.contains("at most 33554432 are made"), "{e}");
 }
 
+/// Why a made model with these nodes before its own is not lowered.
+fn not_lowered(change: impl FnOnce(&mut GraphProto)) -> String {
+    let mut m = made(1);
+    change(m.graph.as_mut().unwrap());
+    load(&m).unwrap().not_lowered_because().unwrap().into()
+}
+
+/// A sum of two steps, 163840 wide, took 430 GB from a file of 2 kB.
+#[test]
+fn full_matrices_are_refused_before_they_are_made() {
+    for mixed in [false, true] {
+        let why = not_lowered(|g| {
+            // 16384 or 20480 numbers.
+            let mut nodes = Vec::new();
+            let mut wide = String::from(if mixed { "texture" } else { "force" });
+            for i in 0..if mixed { 6 } else { 11 } {
+                let twice = format!("wide{i}");
+                nodes.push(node("Concat", &[&wide, &wide], &twice, vec![int("axis", 1)]));
+                wide = twice;
+            }
+            nodes.push(node("Relu", &[&wide], "once", vec![]));
+            if mixed {
+                // Constants beside force: their part becomes a bias, by way of a matrix.
+                nodes.push(node("Concat", &["once", "force"], "sum", vec![int("axis", 1)]));
+            } else {
+                nodes.push(node("Relu", &[&wide], "again", vec![]));
+                nodes.push(node("Add", &["once", "again"], "sum", vec![]));
+            }
+            nodes.push(node("Relu", &["sum"], "end", vec![]));
+            g.node.splice(0..0, nodes);
+        });
+        assert!(why.contains("too large to lower"), "{why}");
+    }
+}
+
+/// Products of constants are small, but take time.
+#[test]
+fn products_of_constants_count_towards_the_limit() {
+    let why = not_lowered(|g| {
+        g.initializer.push(tensor("row", &[30, 1000], &[1e-3; 30_000]));
+        g.initializer.push(tensor("column", &[1000, 30], &[1e-3; 30_000]));
+        let product = |i| node("MatMul", &["row", "column"], &format!("product{i}"), vec![]);
+        g.node.splice(0..0, (0..12).map(product));
+    });
+    assert!(why.contains("MatMul") && why.contains("too large to lower"), "{why}");
+}
+
 fn runners() -> Vec<Runner> {
     let model = load(&made(1)).unwrap();
     let mut choices = vec![(Choice::Tract, Precision::F32)];

@@ -93,6 +93,23 @@ fn texture_encoder_in_model_is_folded_per_material() {
 }
 
 #[test]
+fn a_head_that_nothing_reads_costs_nothing() {
+    let (first, second) = (Random(13).layer(10, 70, 0.3, 0.2), Random(14).layer(70, 50, 0.3, 0.2));
+    let made = one_layer(&ALL, 3, |w, y| {
+        let head = w.product("force", &first);
+        let head = w.node("Relu", &[&head], vec![]);
+        let head = w.product(&head, &second);
+        w.node("Relu", &[&head], vec![]);
+        w.node("Relu", &[&y], vec![])
+    });
+    let model = load(&made).unwrap();
+    agrees_with_tract(&model);
+    for (precision, count) in [(Precision::F32, 30 * 100), (Precision::F64, 286 * 100)] {
+        assert_eq!(auto(&model, precision).describe().multiply_adds, count);
+    }
+}
+
+#[test]
 fn cancelling_half_weights_fall_back_to_single_ones() {
     // Two large weights of nearly one size: f16 rounds away their difference.
     let model = load(&model(&cancelling([100.3, -100.2], 5.0), Spelling::default())).unwrap();
