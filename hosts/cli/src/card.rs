@@ -18,6 +18,7 @@ use asperity_live::{
 };
 use asperity_node::Role;
 use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use crate::failure::{Failure, warn, wrong};
 use crate::kinds;
@@ -76,7 +77,7 @@ pub struct OutputArgs {
     #[arg(long, value_name = "N", value_parser = channel)]
     pub channel: Option<u16>,
     /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
-    #[arg(long, value_enum)]
+    #[arg(long, value_parser = audio_clock())]
     pub clock: Option<ClockKind>,
 }
 
@@ -106,6 +107,12 @@ pub enum ClockKind {
     Paced,
     /// The computer's own clock: no audio device
     Timer,
+}
+
+/// Parses a clock that drives a device.
+fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
+    PossibleValuesParser::new(["callback", "paced"])
+        .map(|name| if name == "paced" { ClockKind::Paced } else { ClockKind::Callback })
 }
 
 /// The actuator, and the amplifier before it.

@@ -188,15 +188,25 @@ fn list(near: &[Neighbour<'_>]) -> String {
 /// Adds a material to the file as it is now, or nothing.
 fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
     // Held until it is written, so that no other process adds to the text that was read.
-    let _held = File::open(folder_of(&resolved(library))).and_then(|folder| {
-        folder.lock()?;
-        Ok(folder)
-    });
+    let _held = hold(&resolved(library))?;
     let text = Library::insert(&Source::read(library)?, material)?;
     // Reading removes a byte order mark. Writing restores it.
     let bytes = file::read(library, MAX_TEXT_BYTES)?;
     let mark = if bytes.starts_with("\u{feff}".as_bytes()) { "\u{feff}" } else { "" };
     write_text(library, &format!("{mark}{text}"))
+}
+
+/// Waits until no other process holds a library, and holds it until the answer is dropped.
+fn hold(library: &Path) -> Result<File, Failure> {
+    let fail = |e: std::io::Error| Failure::Machine(format!("cannot hold {}: {e}", library.display()));
+    // Windows opens no folder, and a file that is locked cannot be read there: one beside it is locked.
+    let beside = || {
+        let path = library.with_extension("lock");
+        File::options().write(true).create(true).truncate(false).open(path)
+    };
+    let held = File::open(folder_of(library)).or_else(|_| beside()).map_err(fail)?;
+    held.lock().map_err(fail)?;
+    Ok(held)
 }
 
 /// A picture's path for the library: from its folder, with `/`; from the root if they share no folder.

@@ -22,6 +22,8 @@ use super::Machine;
 const FOLDER: &str = "ASPERITY_STATE";
 /// At most two processes share a channel.
 const SEATS: usize = 2;
+/// Length of a record without its line break. The longest numbers fit.
+const RECORD_LEN: usize = 255;
 
 /// Guards the coils of a run.
 #[derive(Debug)]
@@ -61,7 +63,7 @@ struct Channel {
     record: Record,
 }
 
-/// Content of a seat's file, as a line of JSON.
+/// Content of a seat's file, as a line of JSON, filled up with spaces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 struct Record {
     /// Mean of the square of the current.
@@ -247,12 +249,13 @@ impl Record {
     fn read(file: &mut File) -> Option<Self> {
         let mut text = String::new();
         file.read_to_string(&mut text).ok()?;
-        serde_json::from_str(&text).ok().filter(|record: &Self| record.heat_a2 >= 0.0)
+        serde_json::from_str(text.trim_end()).ok().filter(|record: &Self| record.heat_a2 >= 0.0)
     }
 
-    /// Overwrites the record in place: the lock is on the file itself.
+    /// Overwrites the record in place: the lock is on the file itself. All records have the same length, and
+    /// are written in one call, so that whoever reads meanwhile finds nothing of the former one behind it.
     fn write(&self, file: &mut File) -> std::io::Result<()> {
-        let text = serde_json::to_string(self)? + "\n";
+        let text = format!("{:<RECORD_LEN$}\n", serde_json::to_string(self)?);
         file.rewind()?;
         file.write_all(text.as_bytes())?;
         file.set_len(text.len() as u64)
@@ -367,6 +370,14 @@ mod tests {
     }
 
     #[test]
+    fn longest_record_fits() {
+        let (x, most) = (-f64::MIN_POSITIVE, u64::MAX);
+        let clock = Clock { at_s: x, boot: most, up_s: x };
+        let record = Record { clock, process: u32::MAX, ..Record::new(x, x, x) };
+        assert!(serde_json::to_string(&record).unwrap().len() <= RECORD_LEN);
+    }
+
+    #[test]
     fn record_comes_back_and_a_cut_one_does_not() {
         let mut file = tempfile::tempfile().unwrap();
         record(9.0, true).write(&mut file).unwrap();
@@ -377,8 +388,9 @@ mod tests {
             Record::read(&mut file)
         };
         assert_eq!(read().map(|read| (read.heat_a2, read.running)), Some((0.125, false)));
-        let len = file.metadata().unwrap().len();
-        for cut in [0, 1, len / 2, len - 2] {
+        assert_eq!(file.metadata().unwrap().len(), RECORD_LEN as u64 + 1);
+        let len = serde_json::to_string(&record).unwrap().len() as u64;
+        for cut in [0, 1, len / 2, len - 1] {
             file.set_len(cut).unwrap();
             file.rewind().unwrap();
             assert_eq!(Record::read(&mut file), None, "{cut}");

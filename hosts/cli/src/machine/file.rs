@@ -166,37 +166,55 @@ impl Output {
         let profile = ActuatorProfile::find(limiter.params.text("profile"), base)?;
         let said = Dynamics::new(&profile, limiter.params.number("handle_mass_g"))
             .map_err(|e| limiter.params.node_error(e.to_string()))?;
-        let (is, id, own) = (&self.actuator, &limiter.id, LimiterSettings::default());
-        let (slew_hz, dc_hz) = (limiter.params.number("slew_hz"), limiter.params.number("dc_corner_hz"));
-        let differs = |said: f64, is: f64| (said - is).abs() > SAME * is;
-        let above = |said: f64, is: f64| said > is * (1.0 + SAME);
-        let wrong = [
-            ("handle_mass_g", "handle mass", differs(said.handle_mass, is.handle_mass)),
-            ("profile", "moving mass", differs(said.moving_mass, is.moving_mass)),
-            ("profile", "stiffness", differs(said.stiffness, is.stiffness)),
-            ("profile", "damping", differs(said.damping, is.damping)),
-            ("profile", "force factor", differs(said.force_factor, is.force_factor)),
-            ("profile", "resistance", differs(said.resistance, is.resistance)),
-            ("profile", "inductance", differs(said.inductance, is.inductance)),
-            (
-                "profile",
-                "thermal time constant",
-                differs(said.thermal_time_constant, is.thermal_time_constant),
-            ),
-            ("profile", "rated current", above(said.rated_current, is.rated_current)),
-            ("profile", "peak current", above(said.peak_current, is.peak_current)),
-            ("profile", "peak voltage", above(said.peak_voltage, is.peak_voltage)),
-            ("profile", "stroke", above(said.stroke, is.stroke)),
-            ("slew_hz", "", above(slew_hz, own.slew_hz)),
-            ("dc_corner_hz", "", above(own.dc_corner_hz, dc_hz)),
+        let (is, id) = (&self.actuator, &limiter.id);
+        let same = [
+            ("handle mass", said.handle_mass, is.handle_mass, "kg"),
+            ("moving mass", said.moving_mass, is.moving_mass, "kg"),
+            ("stiffness", said.stiffness, is.stiffness, "N/m"),
+            ("damping", said.damping, is.damping, "N s/m"),
+            ("force factor", said.force_factor, is.force_factor, "N/A"),
+            ("resistance", said.resistance, is.resistance, "ohm"),
+            ("inductance", said.inductance, is.inductance, "H"),
+            ("thermal time constant", said.thermal_time_constant, is.thermal_time_constant, "s"),
         ];
-        let Some((param, what, _)) = wrong.into_iter().find(|(.., wrong)| *wrong) else { return Ok(()) };
-        let of = if what.is_empty() {
-            format!("`{id}.{param}`")
-        } else {
-            format!("the {what} of `{id}`'s actuator")
-        };
-        Err(self.contradicts(limiter, param, format!("{of} is not within what holds on this machine")))
+        for (what, said, is, unit) in same {
+            if (said - is).abs() > SAME * is {
+                let param = if what == "handle mass" { "handle_mass_g" } else { "profile" };
+                let (said, is) = (rounded(said), rounded(is));
+                let what = format!(
+                    "the {what} of `{id}`'s actuator is {said} {unit}, \
+                     which is not that of the machine's file, {is} {unit}"
+                );
+                return Err(self.contradicts(limiter, param, what));
+            }
+        }
+        let most = [
+            ("rated current", said.rated_current, is.rated_current, "A"),
+            ("peak current", said.peak_current, is.peak_current, "A"),
+            ("peak voltage", said.peak_voltage, is.peak_voltage, "V"),
+            ("stroke", said.stroke, is.stroke, "m"),
+        ];
+        for (what, said, is, unit) in most {
+            if said > is * (1.0 + SAME) {
+                let (said, is) = (rounded(said), rounded(is));
+                let what = format!(
+                    "the {what} of `{id}`'s actuator is {said} {unit}, \
+                     above that of the machine's file, {is} {unit}"
+                );
+                return Err(self.contradicts(limiter, "profile", what));
+            }
+        }
+        let own = LimiterSettings::default();
+        let (slew_hz, dc_hz) = (limiter.params.number("slew_hz"), limiter.params.number("dc_corner_hz"));
+        let laxer = [
+            ("slew_hz", slew_hz, slew_hz > own.slew_hz * (1.0 + SAME), "above", own.slew_hz),
+            ("dc_corner_hz", dc_hz, dc_hz < own.dc_corner_hz * (1.0 - SAME), "below", own.dc_corner_hz),
+        ];
+        if let Some((param, said, _, side, is)) = laxer.into_iter().find(|(_, _, laxer, ..)| *laxer) {
+            let what = format!("`{id}.{param}` is {said} Hz, {side} the {is} Hz that hold on this machine");
+            return Err(self.contradicts(limiter, param, what));
+        }
+        Ok(())
     }
 
     fn contradicts(&self, node: &ScheduledNode, param: &str, message: String) -> Diagnostic {
@@ -210,6 +228,11 @@ impl Output {
                 at.line, at.column, self.channel, self.device
             ))
     }
+}
+
+/// A number for a text, without the noise of its last digits.
+fn rounded(x: f64) -> f64 {
+    format!("{x:.8e}").parse().unwrap_or(x)
 }
 
 fn output(value: &Value, base: &Path) -> Result<Output, Diagnostic> {

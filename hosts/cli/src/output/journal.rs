@@ -94,7 +94,35 @@ fn is_part_of(part: &Path, path: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// Kills are tested by `tests/stability` and `tests/it/hostile`.
+    /// A killed process leaves its files, unlocked.
+    fn killed(file: NamedTempFile) {
+        file.into_temp_path().keep().unwrap();
+    }
+
+    /// Kills at any time are tested by `tests/stability` and `tests/it/hostile`.
+    #[test]
+    fn kill_leaves_no_mix_of_old_and_new_files() {
+        for (at, left) in [("in the journal", "old"), ("between renames", "new")] {
+            let dir = tempfile::tempdir().unwrap();
+            let paths = ["a", "b"].map(|name| dir.path().canonicalize().unwrap().join(name));
+            paths.iter().for_each(|path| std::fs::write(path, "old").unwrap());
+            let pending = paths.each_ref().map(|path| Pending::create(path).unwrap().fill("new").unwrap());
+            let journal = write(&pending).unwrap().unwrap();
+            if at == "in the journal" {
+                journal.as_file().set_len(9).unwrap();
+            } else {
+                std::fs::rename(pending[0].temp.path(), &paths[0]).unwrap();
+            }
+            killed(journal);
+            pending.into_iter().filter(|f| f.temp.path().exists()).for_each(|f| killed(f.temp));
+            paths.iter().for_each(|path| tidy(path));
+            for path in &paths {
+                assert_eq!(std::fs::read_to_string(path).unwrap(), left, "{at}");
+            }
+            assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2, "{at}");
+        }
+    }
+
     #[test]
     fn files_of_a_living_process_are_left_alone() {
         let dir = tempfile::tempdir().unwrap();

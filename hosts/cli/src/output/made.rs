@@ -1,12 +1,12 @@
 //! Files that Asperity made: a line for each in the user's state folder. A file that was changed since does
 //! not count.
 
-use std::fs::OpenOptions;
+use std::fs::{File, OpenOptions};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-/// Above this size \[bytes\] the list begins anew.
+/// Above this size \[bytes\] the older half of the list is removed.
 const MOST_BYTES: u64 = 1 << 20;
 
 fn list() -> Option<PathBuf> {
@@ -28,12 +28,9 @@ pub fn remember(path: &Path) {
         let line = line(path)?;
         let list = list()?;
         std::fs::create_dir_all(list.parent()?).ok()?;
-        let mut list = OpenOptions::new().append(true).create(true).open(&list).ok()?;
-        if list.metadata().ok()?.len() > MOST_BYTES {
-            list.set_len(0).ok()?;
-        }
+        shorten(&list);
         // In one call: other processes write here too.
-        list.write_all(line.as_bytes()).ok()
+        OpenOptions::new().append(true).create(true).open(&list).ok()?.write_all(line.as_bytes()).ok()
     };
     let _ = put_down();
 }
@@ -45,4 +42,20 @@ pub fn is_ours(path: &Path) -> bool {
         Some(std::fs::read_to_string(list()?).ok()?.split_inclusive('\n').any(|known| known == line))
     };
     known().unwrap_or(false)
+}
+
+/// Removes the older half of a list that is too long, if that is possible.
+fn shorten(list: &Path) {
+    let shorter = || {
+        if std::fs::metadata(list).ok()?.len() <= MOST_BYTES {
+            return None;
+        }
+        let text = std::fs::read(list).ok()?;
+        let newer = &text[text.len() / 2..];
+        let from = newer.iter().position(|&b| b == b'\n')? + 1;
+        let mut new = tempfile::NamedTempFile::new_in(list.parent()?).ok()?;
+        new.write_all(&newer[from..]).ok()?;
+        new.persist(list).ok().map(|_: File| ())
+    };
+    let _ = shorter();
 }
