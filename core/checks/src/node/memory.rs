@@ -179,8 +179,7 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
     Ok(format!("{size} bytes"))
 }
 
-/// Bytes that are no state: other lengths, random bytes, equal bytes, a state with a few bits flipped, or with a
-/// wild number in it.
+/// Bytes that are no state: other lengths, random bytes, equal bytes, a state with flipped bits or wild numbers.
 fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
     let mut out = vec![vec![0], vec![0xff; 64]];
     if state.is_empty() {
