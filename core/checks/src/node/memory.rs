@@ -179,7 +179,7 @@ pub(super) fn state(subject: &Subject<'_>) -> Found {
     Ok(format!("{size} bytes"))
 }
 
-/// Bytes that are no state: other lengths, random bytes, equal bytes, a state with flipped bits or wild numbers.
+/// Bytes that are no state: of other lengths, random, all equal, with flipped bits, or with wild numbers.
 fn garbage(state: &[u8]) -> Vec<Vec<u8>> {
     let mut out = vec![vec![0], vec![0xff; 64]];
     if state.is_empty() {
