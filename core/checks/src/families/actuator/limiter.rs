@@ -260,7 +260,7 @@ fn drawn(seed: u64, kinds: &[String]) -> (Place<'_>, Vec<Piece>) {
 
 pub(super) fn random(subject: &Subject<'_>) -> Found {
     let (kinds, mut figures) = (limiters(subject)?, Figures::default());
-    let runs = subject.by_effort(40, 250, 20_000);
+    let runs = subject.by_effort(40, 400, 20_000);
     let mut held = 0_u64;
     for seed in 0..runs {
         let (place, pieces) = drawn(seed, &kinds);
@@ -339,7 +339,7 @@ pub(super) fn own(subject: &Subject<'_>) -> Found {
         figures.about = name.into();
         let mut rig = Rig::moved_if_possible(subject, thrown(hz))?;
         let mut judges = judges(&rig)?;
-        rig.run(rig.ticks(subject.by_effort(4.0, 8.0, 300.0)), |rig, tick| {
+        rig.run(rig.ticks(subject.by_effort(4.0, 12.0, 300.0)), |rig, tick| {
             let mut drives = judges.iter_mut().zip(rig.drive());
             let told = |e: Stop| e.after(&format!("tick {tick}, {name}"));
             drives.try_for_each(|(judge, y)| y.iter().try_for_each(|y| judge.see(*y))).map_err(told)
