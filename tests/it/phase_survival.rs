@@ -1,10 +1,10 @@
 //! Odd magnitudes, which every phase-retrieval node must survive, built in or from a plugin. What else is
 //! hard stands in `asperity_checks`.
 
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 use asperity_accuracy::phase::{self, Score};
+use asperity_dsp::window::hann_lobe;
 use asperity_loader::Plugin;
 use asperity_node::{Buffer, FactValue, NodeKind, Registry};
 use harness::plugins;
@@ -19,14 +19,9 @@ const BAD: u64 = 120;
 /// Where the tone lies: between bins, and off the middle between two.
 const TONE: f64 = 15.37;
 
-/// A sinusoid at place `at` in a periodic Hann window, of amplitude 1, seen at bin `k`.
+/// A sinusoid of amplitude 1 at place `at`, seen at bin `k`.
 fn lobe(at: f64, k: usize) -> f64 {
-    let d = k as f64 - at;
-    match d.abs() {
-        x if x < 1e-9 => 1.0,
-        x if (x - 1.0).abs() < 1e-9 => 0.5,
-        _ => ((PI * d).sin() / (PI * d * (1.0 - d * d))).abs(),
-    }
+    hann_lobe(k as f64 - at).abs()
 }
 
 /// Bin `k` of frame `n`.

@@ -24,9 +24,9 @@ use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Isa;
-use clap::{Parser, Subcommand};
+use clap::Parser;
 
-use commands::*;
+use commands::Command;
 use failure::Failure;
 
 /// Haptic rendering as a real-time dataflow graph.
@@ -46,36 +46,6 @@ pub(crate) struct Cli {
     overwrite: bool,
 }
 
-/// The commands, in the order in which `--help` lists them.
-#[derive(Debug, Subcommand)]
-pub(crate) enum Command {
-    Render(render::Args),
-    Run(run::Args),
-    Recover(recover::Args),
-    Devices(devices::Args),
-    Setup(setup::Args),
-    Tone(tone::Args),
-    Latency(latency::Args),
-    Calibrate(Box<calibrate::Args>),
-    Check(check::Args),
-    Nodes(nodes::Args),
-    Graph(graph::Args),
-    Invert(invert::Args),
-    Compare(compare::Args),
-    Tradeoff(tradeoff::Args),
-    Choose(choose::Args),
-    Encode(encode::Args),
-    FitAr(Box<fit_ar::Args>),
-    Materials(materials::Args),
-    #[command(subcommand)]
-    Scene(scene::Command),
-    #[command(name = "selftest")]
-    SelfTest(selftest::Args),
-    #[command(subcommand)]
-    Plugin(plugin::Command),
-    Trust(trust::Args),
-}
-
 fn main() -> ExitCode {
     simulated::register();
     let cli = Cli::parse();
@@ -88,31 +58,7 @@ fn main() -> ExitCode {
     if let Err(failure) = instructions(cli.portable) {
         return failure.report();
     }
-    let result = match cli.command {
-        Command::Render(args) => render::run(&args),
-        Command::Run(args) => run::run(&args),
-        Command::Recover(args) => recover::run(&args),
-        Command::Devices(args) => devices::run(&args),
-        Command::Setup(args) => setup::run(&args),
-        Command::Tone(args) => tone::run(&args),
-        Command::Latency(args) => latency::run(&args),
-        Command::Calibrate(args) => calibrate::run(&args),
-        Command::Check(args) => check::run(&args),
-        Command::Nodes(args) => nodes::run(&args),
-        Command::Graph(args) => graph::run(&args),
-        Command::Invert(args) => invert::run(&args),
-        Command::Compare(args) => compare::run(&args),
-        Command::Tradeoff(args) => tradeoff::run(&args),
-        Command::Choose(args) => choose::run(&args),
-        Command::Encode(args) => encode::run(&args),
-        Command::FitAr(args) => fit_ar::run(&args),
-        Command::Materials(args) => materials::run(&args),
-        Command::Scene(command) => scene::run(&command),
-        Command::SelfTest(args) => selftest::run(&args),
-        Command::Plugin(command) => plugin::run(&command),
-        Command::Trust(args) => trust::run(&args),
-    };
-    result.map_or_else(|failure| failure.report(), |()| ExitCode::SUCCESS)
+    cli.command.run().map_or_else(|failure| failure.report(), |()| ExitCode::SUCCESS)
 }
 
 /// Environment variable that names the best instruction set to use.

@@ -12,12 +12,13 @@
 //! Downwards 30 dB are allowed: `random_phase` loses 17 dB by its nature, and `spsi` 16 dB of a spectrum
 //! without peaks.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::Arc;
 
 use asperity_accuracy::phase::{self, Score};
 use asperity_dsp::Framing;
+use asperity_dsp::window::hann_lobe;
 use asperity_node::{Buffer, Descriptor, FrameLayout, FrameRate, NodeKind, ParamKind, ParamValue};
 
 use crate::case::{Case, Family, Figures, Found, Stop, not_applicable};
@@ -256,15 +257,9 @@ fn usual() -> FrameLayout {
     layout(2500, BINS, FRAMES_HZ)
 }
 
-/// Amplitude in bin `k` of a sinusoid of amplitude 1 at bin `at`, in a periodic Hann window:
-/// `sin(pi d) / (pi d (1 - d^2))`.
+/// Amplitude in bin `k` of a sinusoid of amplitude 1 at bin `at`.
 fn lobe(at: f64, k: usize) -> f64 {
-    let d = k as f64 - at;
-    match d.abs() {
-        x if x < 1e-9 => 1.0,
-        x if (x - 1.0).abs() < 1e-9 => 0.5,
-        _ => ((PI * d).sin() / (PI * d * (1.0 - d * d))).abs(),
-    }
+    hann_lobe(k as f64 - at).abs()
 }
 
 /// Frames whose bins are a function of the frame and the bin.

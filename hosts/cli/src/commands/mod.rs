@@ -1,4 +1,5 @@
-//! The commands. Each has its arguments `Args`, whose docs are its help, and `run`.
+//! The commands. Each has its arguments `Args`, whose docs are its help, and `run`. A new one is a file, and
+//! three lines here.
 
 pub mod calibrate;
 pub mod check;
@@ -22,3 +23,67 @@ pub mod setup;
 pub mod tone;
 pub mod tradeoff;
 pub mod trust;
+
+use clap::Subcommand;
+
+use crate::failure::Failure;
+
+/// The commands, in the order in which `--help` lists them.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Render(render::Args),
+    Run(run::Args),
+    Recover(recover::Args),
+    Devices(devices::Args),
+    Setup(setup::Args),
+    Tone(tone::Args),
+    Latency(latency::Args),
+    Calibrate(Box<calibrate::Args>),
+    Check(check::Args),
+    Nodes(nodes::Args),
+    Graph(graph::Args),
+    Invert(invert::Args),
+    Compare(compare::Args),
+    Tradeoff(tradeoff::Args),
+    Choose(choose::Args),
+    Encode(encode::Args),
+    FitAr(Box<fit_ar::Args>),
+    Materials(materials::Args),
+    #[command(subcommand)]
+    Scene(scene::Command),
+    #[command(name = "selftest")]
+    SelfTest(selftest::Args),
+    #[command(subcommand)]
+    Plugin(plugin::Command),
+    Trust(trust::Args),
+}
+
+impl Command {
+    /// Runs the command.
+    pub fn run(self) -> Result<(), Failure> {
+        match self {
+            Command::Render(args) => render::run(&args),
+            Command::Run(args) => run::run(&args),
+            Command::Recover(args) => recover::run(&args),
+            Command::Devices(args) => devices::run(&args),
+            Command::Setup(args) => setup::run(&args),
+            Command::Tone(args) => tone::run(&args),
+            Command::Latency(args) => latency::run(&args),
+            Command::Calibrate(args) => calibrate::run(&args),
+            Command::Check(args) => check::run(&args),
+            Command::Nodes(args) => nodes::run(&args),
+            Command::Graph(args) => graph::run(&args),
+            Command::Invert(args) => invert::run(&args),
+            Command::Compare(args) => compare::run(&args),
+            Command::Tradeoff(args) => tradeoff::run(&args),
+            Command::Choose(args) => choose::run(&args),
+            Command::Encode(args) => encode::run(&args),
+            Command::FitAr(args) => fit_ar::run(&args),
+            Command::Materials(args) => materials::run(&args),
+            Command::Scene(command) => scene::run(&command),
+            Command::SelfTest(args) => selftest::run(&args),
+            Command::Plugin(command) => plugin::run(&command),
+            Command::Trust(args) => trust::run(&args),
+        }
+    }
+}
