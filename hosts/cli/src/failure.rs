@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use asperity_diagnostics::{Diagnostic, Place};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
+use unicode_width::UnicodeWidthStr;
 
 #[derive(Debug)]
 pub enum Failure {
@@ -274,9 +275,10 @@ fn write_snippet<'a>(
             writeln!(f, "{:>5} │ {dots}{}{more}", at.line, clean(&part.replace('\t', " ")))?;
             shown = Some((at.line, first));
         }
-        let before = at.column - 1 - first + dots.chars().count();
+        let before: String = line.chars().skip(first).take(at.column - 1 - first).collect();
+        let before = dots.width() + clean(&before.replace('\t', " ")).width();
         let marked = text.get(place.span.start..place.span.end).unwrap_or_default();
-        let marked = marked.lines().next().unwrap_or_default().chars().count().clamp(1, AROUND);
+        let marked = clean(marked.lines().next().unwrap_or_default()).width().clamp(1, AROUND);
         let marks = format!("{:>5} │ {:before$}{} {}", "", "", "^".repeat(marked), clean(label));
         writeln!(f, "{}", marks.trim_end())?;
     }

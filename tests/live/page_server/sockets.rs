@@ -244,6 +244,22 @@ fn pages_that_do_not_read_hold_up_nobody_and_are_let_go() {
 }
 
 #[test]
+fn page_that_does_not_read_is_still_heard() {
+    let _alone = beside_others();
+    let stage = stage();
+    let mut page = stage.watch().expect("a place");
+    // It claims to read, until a send to it waits.
+    for n in 1..=100 {
+        stage.feed.publish(heavy(n));
+        page.send(got(n / 4)).expect("it hears");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    page.send(Message::Text("\"stop\"".into())).expect("it hears");
+    until("the run to be stopped", || stage.run_control.stopping());
+    assert!(stage.right("/places").ends_with("\"pages\":1}"), "it was heard before it was let go");
+}
+
+#[test]
 fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     let _alone = beside_others();
     let stage = stage();

@@ -59,3 +59,22 @@ fn shorten(list: &Path) {
     };
     let _ = shorter();
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_list_keeps_its_newer_half_in_whole_lines() {
+        let dir = tempfile::tempdir().unwrap();
+        let list = dir.path().join("made");
+        let lines: String = (0..60_000).map(|n| format!("100 {n} /some/where/{n}.wav\n")).collect();
+        std::fs::write(&list, &lines).unwrap();
+        shorten(&list);
+        let kept = std::fs::read_to_string(&list).unwrap();
+        assert!(lines.ends_with(&kept) && kept.starts_with("100 "), "{:?}", kept.lines().next());
+        assert!((lines.len() / 2 - 40..=lines.len() / 2).contains(&kept.len()), "{}", kept.len());
+        shorten(&list);
+        assert_eq!(std::fs::read_to_string(&list).unwrap(), kept, "now it is short enough");
+    }
+}
