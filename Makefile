@@ -123,7 +123,7 @@ train: setup
 evaluate: setup
 	$(CARGO) run --release -p asperity-train -- evaluate graphs/models/surfaces --run $(OUT)/surfaces.run
 
-# The pictures of the README and of docs/scenes.md.
+# The pictures of the README and of docs/.
 pictures: setup
 	$(CARGO) build --release -p asperity
 	target/release/asperity graph graphs/heravi2024.ron --svg docs/graph.svg
@@ -133,6 +133,7 @@ pictures: setup
 	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \
 	    --phase sample_commit:emission=0 --svg docs/compare.svg
 	$(CARGO) bench -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
+	$(CARGO) test -p asperity --test it -- --ignored the_picture_of_the_documentation
 
 # And that of a run: the page in a browser while a pen strokes.
 live-pictures: setup-tests

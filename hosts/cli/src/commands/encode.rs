@@ -200,11 +200,11 @@ fn add(library: &Path, material: &LibraryMaterial) -> Result<(), Failure> {
 fn hold(library: &Path) -> Result<File, Failure> {
     let fail = |e: std::io::Error| Failure::Machine(format!("cannot hold {}: {e}", library.display()));
     // Windows opens no folder, and a file that is locked cannot be read there: one beside it is locked.
-    let beside = || {
+    let open_beside = || {
         let path = library.with_extension("lock");
         File::options().write(true).create(true).truncate(false).open(path)
     };
-    let held = File::open(folder_of(library)).or_else(|_| beside()).map_err(fail)?;
+    let held = File::open(folder_of(library)).or_else(|_| open_beside()).map_err(fail)?;
     held.lock().map_err(fail)?;
     Ok(held)
 }
