@@ -66,8 +66,3 @@ pub fn registry() -> Registry {
         .with::<sinks::FileOut>()
         .with::<sinks::Probe>()
 }
-
-/// The README's code must compile.
-#[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-struct Readme;

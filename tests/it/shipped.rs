@@ -37,3 +37,18 @@ fn file_in_the_working_directory_precedes_the_shipped() {
         assert!(ran.code == 2 && ran.err.starts_with(says), "{graph}: {}", ran.err);
     }
 }
+
+#[test]
+fn graph_of_the_readme_plays_a_shipped_model() {
+    let room = Room::new();
+    let readme = std::fs::read_to_string(harness::root().join("README.md")).unwrap();
+    let graph = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
+    room.write("mine.ron", graph);
+    room.run("render mine.ron --seconds 1").ok();
+    assert!(room.wav("oak.wav").0.iter().any(|x| x.abs() > 0.1));
+    // A file of one's own beside the graph precedes the shipped one.
+    std::fs::create_dir_all(room.join("graphs/models/surfaces")).unwrap();
+    room.write("graphs/models/surfaces/materials.ron", "Library()");
+    let ran = room.run("check mine.ron");
+    assert!(ran.code == 2 && ran.err.contains("surfaces/materials.ron:1:"), "{}", ran.err);
+}

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::file::irregular;
 use asperity_diagnostics::{Diagnostic, nearest, one_of};
-use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params};
+use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params, Registry};
 
 use crate::{NodeDecl, Setting, slots};
 
@@ -15,7 +15,7 @@ pub fn check_settings(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diag
     for setting in settings {
         let is_this = |p: &&Param| p.name == setting.name && !matches!(p.kind, ParamKind::File);
         let param = descriptor.params.iter().find(is_this);
-        errors.extend(param.and_then(|param| read(setting, param).err()));
+        errors.extend(param.and_then(|param| read(setting, param, None).err()));
     }
     errors
 }
@@ -35,13 +35,18 @@ fn unknown(settings: &[Setting], descriptor: &Descriptor) -> Vec<Diagnostic> {
 }
 
 /// Checks a node's settings. Errors are added to `errors`.
-pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<Diagnostic>) -> Params {
+pub(crate) fn check(
+    node: &NodeDecl,
+    descriptor: &Descriptor,
+    registry: &Registry,
+    errors: &mut Vec<Diagnostic>,
+) -> Params {
     errors.extend(unknown(&node.params, descriptor));
     let mut params = Params::new(Some(node.place.clone()));
     for param in &descriptor.params {
         let setting = node.params.iter().find(|s| s.name == param.name);
         let mut value = param.default.clone();
-        match setting.map(|s| read(s, param)) {
+        match setting.map(|s| read(s, param, Some(registry))) {
             Some(Ok(read)) => value = Some(read),
             Some(Err(e)) => errors.push(e),
             None if value.is_none() && !param.optional => errors.push(
@@ -63,10 +68,10 @@ pub(crate) fn check(node: &NodeDecl, descriptor: &Descriptor, errors: &mut Vec<D
     params
 }
 
-fn read(setting: &Setting, param: &Param) -> Result<ParamValue, Diagnostic> {
+fn read(setting: &Setting, param: &Param, registry: Option<&Registry>) -> Result<ParamValue, Diagnostic> {
     match &param.kind {
         ParamKind::Text => text(setting).map(|t| ParamValue::Text(t.to_owned())),
-        ParamKind::File => file(setting, text(setting)?).map(ParamValue::File),
+        ParamKind::File => file(setting, text(setting)?, registry).map(ParamValue::File),
         _ => param.read(&setting.value),
     }
 }
@@ -79,8 +84,8 @@ fn text(setting: &Setting) -> Result<&str, Diagnostic> {
     }
 }
 
-/// Reads the path of an existing file, relative to the file that names it.
-fn file(setting: &Setting, text: &str) -> Result<PathBuf, Diagnostic> {
+/// Reads the path of an existing file, relative to the file that names it; or of a shipped file.
+fn file(setting: &Setting, text: &str, registry: Option<&Registry>) -> Result<PathBuf, Diagnostic> {
     let value = &setting.value;
     let base_is = if setting.typed.is_some() { "where the program runs" } else { "the graph file" };
     let base = value.source().path().parent().unwrap_or(Path::new(""));
@@ -91,6 +96,9 @@ fn file(setting: &Setting, text: &str) -> Result<PathBuf, Diagnostic> {
             Some(what) => Err(value.error(format!("{} is {what}", path.display()))),
         },
         Err(e) => {
+            if let Some(shipped) = registry.and_then(|registry| registry.shipped_file(Path::new(text))) {
+                return Ok(shipped);
+            }
             let d = value.error(format!("cannot find the file {}: {e}", path.display()));
             Err(match neighbour(&path) {
                 Some(name) => d.help(format!("did you mean `{name}`? Paths are relative to {base_is}")),

@@ -1,6 +1,7 @@
 //! The node kinds of a host.
 
 use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::{Effect, Node, NodeKind, Role};
@@ -11,6 +12,7 @@ pub struct Registry {
     kinds: BTreeMap<String, Arc<NodeKind>>,
     /// Names in the order in which they were added.
     order: Vec<String>,
+    shipped: Option<fn(&Path) -> Option<PathBuf>>,
 }
 
 impl std::fmt::Debug for Registry {
@@ -40,6 +42,18 @@ impl Registry {
             self.order.push(name);
         }
         before
+    }
+
+    /// Sets a function that finds files which ship with the host. Graph files name them by a path.
+    #[must_use]
+    pub fn with_shipped_files(mut self, find: fn(&Path) -> Option<PathBuf>) -> Self {
+        self.shipped = Some(find);
+        self
+    }
+
+    /// The shipped file of a path that a graph file gives, if there is one.
+    pub fn shipped_file(&self, path: &Path) -> Option<PathBuf> {
+        self.shipped?(path)
     }
 
     /// A kind by name.

@@ -127,7 +127,7 @@ impl Kinds {
 }
 
 pub fn built_in() -> Registry {
-    asperity_hand::register(asperity_nodes::registry())
+    asperity_hand::register(asperity_nodes::registry()).with_shipped_files(crate::shipped::file)
 }
 
 /// The kinds that exist without a graph.

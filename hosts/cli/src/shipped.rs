@@ -2,7 +2,7 @@
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use include_dir::{Dir, File, include_dir};
@@ -16,12 +16,18 @@ pub fn path() -> impl TypedValueParser<Value = PathBuf> {
 }
 
 fn found(path: PathBuf) -> io::Result<PathBuf> {
-    match path.strip_prefix("graphs") {
-        Ok(within) if matches!(path.try_exists(), Ok(false)) && FILES.get_entry(within).is_some() => {
-            Ok(unpacked()?.join(path))
-        }
-        _ => Ok(path),
-    }
+    let here = !matches!(path.try_exists(), Ok(false));
+    Ok(if here { None } else { shipped(&path)? }.unwrap_or(path))
+}
+
+/// A shipped file by a path that begins with `graphs/`, for graph files.
+pub fn file(path: &Path) -> Option<PathBuf> {
+    shipped(path).ok().flatten()
+}
+
+fn shipped(path: &Path) -> io::Result<Option<PathBuf>> {
+    let named = path.strip_prefix("graphs").is_ok_and(|within| FILES.get_entry(within).is_some());
+    if named { Ok(Some(unpacked()?.join(path))) } else { Ok(None) }
 }
 
 /// The folder that holds `graphs/`. Another version of the program has another folder.

@@ -107,7 +107,7 @@ fn node(
         return None;
     };
     let before = errors.len();
-    let params = params::check(decl, kind.descriptor(), errors);
+    let params = params::check(decl, kind.descriptor(), registry, errors);
     if errors.len() > before {
         return None;
     }
