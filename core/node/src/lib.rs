@@ -18,7 +18,7 @@
 //!         Descriptor::new("friction", "Coulomb friction from normal force and speed.")
 //!             .input(Input::new("force", ShapeSpec::Control(1), Unit::NEWTON).doc("normal force"))
 //!             .input(Input::new("speed", ShapeSpec::Control(1), Unit::MILLIMETRE_PER_SECOND))
-//!             .output(Output::new("friction", ShapeSpec::Control(1), Unit::NEWTON).doc("against the motion"))
+//!             .output(Output::new("friction", ShapeSpec::Control(1), Unit::NEWTON).doc("against motion"))
 //!             .param(Param::number("mu", 0.3, 0.0..=2.0, "Coefficient of friction."))
 //!     }
 //!     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
