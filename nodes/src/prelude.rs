@@ -62,7 +62,7 @@ pub(crate) fn spectrum_out() -> Output {
 pub(crate) fn signal_out() -> Output {
     Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
         .unit_of('u')
-        .doc("the signal at the frames' rate")
+        .doc("signal at the sample rate of the frames")
 }
 
 pub(crate) fn number(

@@ -71,8 +71,11 @@ impl Renders for Descriptor {
         let texture = effect.acts == Acts::Gliding;
         let key = if texture { "texture" } else { self.kind.as_ref() };
         let example = effect.forms.first().map_or("", |form| form.example.as_ref());
-        let sum = if texture { " A list of textures is one slot, and sounds as their sum." } else { "" };
-        let doc = format!("A text for each slot, as behind `{key}` in a scene: r#\"{example}\"#.{sum}");
+        let sum = if texture { " A list of textures in one entry sounds as their sum." } else { "" };
+        let doc = format!(
+            "Settings of each slot. An entry is written as after `{key}` in a scene, for example \
+             r#\"{example}\"#.{sum}"
+        );
         let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
         self.param(list).effect(effect)
     }
@@ -236,5 +239,5 @@ fn made<T>(settings: &Settings, made: Result<T, String>) -> Result<T, Diagnostic
 
 /// The field `gain` of textures.
 fn gain() -> Param {
-    number("gain", 1.0, 0.0..=100.0, "").doc("factor of the acceleration")
+    number("gain", 1.0, 0.0..=100.0, "").doc("factor on the acceleration")
 }
