@@ -24,9 +24,20 @@ pub mod tone;
 pub mod tradeoff;
 pub mod trust;
 
-use clap::Subcommand;
+use clap::{CommandFactory as _, Subcommand};
 
 use crate::failure::Failure;
+
+/// The program's whole command line: for completions, man pages and the reference.
+pub fn command() -> clap::Command {
+    crate::Cli::command()
+}
+
+/// Help that follows the options of a command: lines to try.
+pub fn examples(lines: &[&str]) -> String {
+    let heading = if lines.len() == 1 { "Example" } else { "Examples" };
+    format!("{heading}:\n  {}", lines.join("\n  "))
+}
 
 /// The commands, in the order in which `--help` lists them.
 #[derive(Debug, Subcommand)]
