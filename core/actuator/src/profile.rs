@@ -108,7 +108,7 @@ impl ActuatorProfile {
         }
         let name = record.required("name")?;
         if name.text()?.trim().is_empty() {
-            return Err(name.error("an actuator needs a name").help("what is printed on it"));
+            return Err(name.error("an actuator needs a name").help("for example the name printed on it"));
         }
         let name = name.text()?.to_owned();
         let mut all = Vec::with_capacity(FIELDS.len());

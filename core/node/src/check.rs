@@ -111,7 +111,7 @@ fn list<T>(
     for it in list {
         let (name, doc) = name_and_doc(it);
         ensure(is_name(name), || format!("{what} {name:?}: a name is to be {NAME}"))?;
-        ensure(!doc.trim().is_empty(), || format!("{what} `{name}`: nothing says what it is"))?;
+        ensure(!doc.trim().is_empty(), || format!("{what} `{name}` has no description"))?;
         ensure(seen.insert(name), || format!("there are two of {what} `{name}`"))?;
     }
     let of = |it| item(it).map_err(|why| format!("{what} `{}`: {why}", name_and_doc(it).0));

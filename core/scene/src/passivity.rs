@@ -131,7 +131,8 @@ impl Scene {
         let (_, _, place) = laws.first().filter(|_| !passivity.holds())?;
         let names: Vec<&str> = laws.iter().map(|(name, ..)| *name).collect();
         let unset = self.device.damping_ns_per_m == 0.0;
-        let hint = if unset { "; `device: (damping_ns_per_m: ..)` says what it has" } else { "" };
+        let hint =
+            if unset { "; set the device's own damping with `device: (damping_ns_per_m: ..)`" } else { "" };
         Some((format!(" {what} ({}): {passivity}{hint}", names.join(" + ")), place.clone()))
     }
 }

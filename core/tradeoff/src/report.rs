@@ -295,7 +295,7 @@ impl Results {
             let more = reasons.len() - MOST_LINES;
             lines.push(vec![format!("{more} more, in results.csv"), String::new()]);
         }
-        section("What cannot be chosen", table("setting; why", &[], lines))
+        section("Settings that cannot be chosen", table("setting; why", &[], lines))
     }
 
     fn method(&self) -> String {

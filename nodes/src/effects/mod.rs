@@ -9,8 +9,6 @@
 
 mod autoregressive;
 mod bounds;
-#[cfg(test)]
-mod docs_tests;
 mod force_limiter;
 mod friction;
 mod gliding;

@@ -31,14 +31,14 @@ impl Node for GsrtisiLa {
         .input(
             Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("what the next frame is to have"),
+                .doc("magnitudes of the next frame"),
         )
         .output(
             Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+                .doc("magnitudes with phases, `look_ahead` frames later"),
         )
-        .param(Param::integer("look_ahead", 4, 0..=16, "Frames known beyond the one that is put out."))
+        .param(Param::integer("look_ahead", 4, 0..=16, "Look-ahead in frames. It adds latency."))
         .param(Param::integer(
             "iterations",
             4,

@@ -32,18 +32,18 @@ impl Node for Rtpghi {
         .input(
             Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("what the next frame is to have"),
+                .doc("magnitudes of the next frame"),
         )
         .output(
             Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+                .doc("magnitudes with phases, `look_ahead` frames later"),
         )
         .param(Param::integer(
             "look_ahead",
             0,
             0..=1,
-            "Frames known beyond the one that is put out: 0 takes slopes along time from the past alone.",
+            "Look-ahead in frames. 0 estimates slopes over time from the past alone.",
         ))
         .param(Param::number(
             "tolerance",
@@ -52,8 +52,13 @@ impl Node for Rtpghi {
             "Bins under this part of the largest get a random phase.",
         ))
         .param(
-            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the random phases; left out, from the graph's.")
-                .optional(),
+            Param::integer(
+                "seed",
+                1,
+                0..=i64::MAX,
+                "Seed of the random phases; left out, derived from the graph's seed.",
+            )
+            .optional(),
         )
         .timing("`look_ahead` frames")
     }

@@ -405,8 +405,8 @@ fn guard(d: &Dynamics, drive: Drive, lag: f64, end: f64) -> Result<(), Diagnosti
     let most = if drive == Drive::Current { 0.2 } else { 0.1 };
     if share.is_nan() || share > most {
         return Err(Diagnostic::new(format!(
-            "this actuator gains {share:.2} of the speed that its stroke bears before its peak current has \
-             ended, and at most {most} can be limited: use a higher rate or slew, or a lower peak current"
+            "at its peak current this actuator reaches {share:.2} of the speed that its stroke allows; \
+             the limiter needs at most {most}. Use a higher rate or slew, or a lower peak current"
         )));
     }
     let emf = d.reduced_mass() * d.resistance / d.force_factor.powi(2);

@@ -100,7 +100,7 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
         let why = if before.id != node.id {
             Some(format!("it drives what `{}` drove", before.id))
         } else if changed.contains(&node.id) {
-            Some("what it reads changed".to_owned())
+            Some("its source changed".to_owned())
         } else if old.seed != new.seed {
             Some("the graph has another seed".to_owned())
         } else if between.contains(&j) {

@@ -15,6 +15,7 @@ pub mod materials;
 pub mod nodes;
 pub mod plugin;
 pub mod recover;
+pub mod reference;
 pub mod render;
 pub mod run;
 pub mod scene;
@@ -45,6 +46,7 @@ pub enum Command {
     Render(render::Args),
     Run(run::Args),
     Recover(recover::Args),
+    Reference(reference::Args),
     Devices(devices::Args),
     Setup(setup::Args),
     Tone(tone::Args),
@@ -76,6 +78,7 @@ impl Command {
             Command::Render(args) => render::run(&args),
             Command::Run(args) => run::run(&args),
             Command::Recover(args) => recover::run(&args),
+            Command::Reference(args) => reference::run(&args),
             Command::Devices(args) => devices::run(&args),
             Command::Setup(args) => setup::run(&args),
             Command::Tone(args) => tone::run(&args),

@@ -107,8 +107,7 @@ fn edited(path: &Path, device: &str, channel: u16, entry: &str, overwrite: bool)
             text.replace_range(output.place.span.start..output.place.span.end, entry);
         }
         Some(output) => {
-            let message =
-                format!("this file already says what stands behind channel {channel} of `{device}`");
+            let message = format!("this file already describes channel {channel} of `{device}`");
             return Err(Diagnostic::new(message)
                 .at(&machine.source, output.place.span)
                 .help("--overwrite replaces it")

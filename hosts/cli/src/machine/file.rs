@@ -222,9 +222,9 @@ impl Output {
         let file = self.place.source.path().display();
         node.params
             .error(param, message)
-            .related(&self.place.source, self.place.span, "what the machine's file says")
+            .related(&self.place.source, self.place.span, "entry in the machine's file")
             .help(format!(
-                "{file}:{}:{} says what stands behind channel {} of `{}`; correct the graph, or that file",
+                "{file}:{}:{} describes channel {} of `{}`; correct the graph, or that file",
                 at.line, at.column, self.channel, self.device
             ))
     }

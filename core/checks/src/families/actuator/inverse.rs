@@ -106,10 +106,10 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
             if (5.0..=1000.0).contains(&f) {
                 // The inverse's high-pass by its defaults.
                 let stated = db(Section::high_pass(20.0, FRAC_1_SQRT_2).response(f).norm());
-                let off = figures.at_most((db(got) - stated).abs(), 0.3, "dB off what is stated");
+                let off = figures.at_most((db(got) - stated).abs(), 0.3, "dB off the stated response");
                 off.map_err(|e| e.after(&name))?;
             }
-            figures.at_most(got, 1.1, "times what was asked").map_err(|e| e.after(&name))?;
+            figures.at_most(got, 1.1, "times the wanted acceleration").map_err(|e| e.after(&name))?;
         }
         let left = felt[felt.len() - SECOND as usize - 1].abs();
         let left = figures.at_most(left, 1e-4, "m/s^2 left of a constant after 1 s");

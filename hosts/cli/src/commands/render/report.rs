@@ -89,7 +89,7 @@ pub fn out_of_range(facts: &[Fact]) -> Vec<String> {
         Some(FactValue::Count(n)) => *n,
         _ => 0,
     };
-    let most = |name: &str| find(name).map_or("what is known".to_owned(), |f| f.value.to_string());
+    let most = |name: &str| find(name).map_or("the known range".to_owned(), |f| f.value.to_string());
     let mut out = Vec::new();
     if let n @ 1.. = count("force_out_of_range") {
         out.push(format!("{n} frames with a force outside 0 to {}, held there", most("trained_force")));
