@@ -41,7 +41,7 @@ pub struct ActuatorProfile {
     pub stroke: Quantity,
     /// Thermal time constant of the coil \[s\].
     pub thermal_time_constant: Quantity,
-    /// Current that the coil bears for ever \[A rms\].
+    /// Current that the coil bears continuously \[A rms\].
     pub rated_current: Quantity,
     /// Largest current at any time \[A\].
     pub peak_current: Quantity,

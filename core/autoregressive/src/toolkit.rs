@@ -1,6 +1,5 @@
-//! Reads a texture from a file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado,
-//! Kuchenbecker 2014, "One hundred data-driven haptic texture models and open-source methods for
-//! rendering on 3D objects").
+//! Reads a texture file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado, Kuchenbecker 2014,
+//! "One hundred data-driven haptic texture models and open-source methods for rendering on 3D objects").
 //!
 //! XML with a `modelSet`:
 //!

@@ -69,7 +69,7 @@ impl Scene {
         let more = all.count();
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let message =
-            format!("`{name}`{more}: nothing plays what vibrates here; add `output: audio_out` to the scene");
+            format!("`{name}`{more}: vibration without an output; add `output: audio_out` to the scene");
         Some(Finding { message, place })
     }
 

@@ -14,8 +14,9 @@ pub const TEXTURE_LEN: usize = 256;
 pub const MAGNITUDES_LEN: usize = 100;
 
 /// Description of a valid network, for errors.
-pub(crate) const WANTED: &str = "a texture network has the float inputs force [1,10], speed [1,20] and texture [1,256], and the float \
-     output magnitudes [1,100]. Optional, together: the float outputs ratio [1,100] and variance [1,1]";
+pub(crate) const WANTED: &str = "a texture network has the float inputs force [1,10], speed [1,20] and \
+                                 texture [1,256], and the float output magnitudes [1,100]. Optional, \
+                                 together: the float outputs ratio [1,100] and variance [1,1]";
 
 /// Outputs for the scatter of magnitudes, with their lengths.
 const SCATTER: [(&str, usize); 2] = [("ratio", MAGNITUDES_LEN), ("variance", 1)];

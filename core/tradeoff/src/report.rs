@@ -53,7 +53,7 @@ impl Results {
             some => of(some.len(), "material", "materials"),
         };
         let mut out = format!(
-            "# What accuracy costs in time\n\n{} of {}, each over {} and {materials}. {} of them may be \
+            "# The cost of accuracy in time\n\n{} of {}, each over {} and {materials}. {} of them may be \
              chosen: they ran and {}.\n\n",
             of(self.rows.len(), "setting", "settings"),
             code(&self.tradeoff),

@@ -2,8 +2,8 @@
 //! mouse, a finger or a pen on the live page.
 //!
 //! A node itself does no input or output: the host feeds it at every tick's own time. While the host has
-//! nothing that is new enough, the last values are held and marked: gates close, and what leads to a device
-//! fades.
+//! nothing that is new enough, the last values are held and marked: gates close, and signals to a device
+//! fade.
 
 use asperity_live::place;
 use asperity_node::{
@@ -19,8 +19,8 @@ pub(crate) fn hand(descriptor: Descriptor, (force, force_doc): (Unit, &'static s
     let output = |name, values, unit, doc| Output::new(name, ShapeSpec::Control(values), unit).doc(doc);
     let ms = |name, default, range, doc| Param::number(name, default, range, doc).unit("ms");
     let timeout = "Time without a sample after which values are held and marked invalid.";
-    let delay = "Delay behind the hand, so that each tick lies between two samples; left out, measured from the \
-         samples.";
+    let delay = "Delay behind the hand, so that each tick lies between two samples; left out, measured from \
+                 the samples.";
     let position = "position of the hand; a wire here replaces the device";
     let stroke = "counts strokes; connect it to `velocity.stroke`, so that a jump is no motion";
     descriptor

@@ -18,7 +18,7 @@ const FLAT_HZ: f64 = 450.0;
 /// moment's speed and force.
 ///
 /// The noise depends only on the node's seed and the sample's number. So does the position of every sample
-/// between those of the model. So the output after a wake does not depend on what was before. A slot that
+/// between those of the model. So the output after a wake does not depend on the time before. A slot that
 /// comes on begins in silence.
 pub struct Autoregressive {
     models: Voices<Model>,

@@ -129,7 +129,7 @@ impl<S: Send> Processor for Force<S> {
     }
 }
 
-/// Things that take time or memory to make, by what they are made of.
+/// Things that take time or memory to make, by their sources.
 type Made<T> = HashMap<String, Arc<T>>;
 
 /// Returns the thing of a name; makes it if there is none yet.
@@ -162,7 +162,7 @@ fn one_each<T>(
     let one = |slot: &Vec<Settings>| match &slot[..] {
         [one] => make(one),
         [] => Err(setup.params.node_error("an empty slot")),
-        [_, second, ..] => Err(second.node_error("one setting is wanted here")),
+        [_, second, ..] => Err(second.node_error("expected one setting")),
     };
     setup.params.slots().iter().map(one).collect()
 }

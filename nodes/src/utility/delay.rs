@@ -40,7 +40,7 @@ impl Node for Delay {
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let seconds = setup.params.number("delay_ms") * 1e-3;
         let Some(shape) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles what this `delay` carries"));
+            return Err(setup.params.node_error("the signal type of this `delay` cannot be determined"));
         };
         let (rate_hz, width) = match shape {
             Shape::Audio { rate_hz } => (Some(rate_hz), 1),

@@ -1,8 +1,8 @@
 //! Friction and drag: forces that only take energy.
 //!
 //! The cases run every kind in the registry that answers a velocity in a slot with a force, alone with a
-//! stylus, at every tick rate. An effect runs with the examples of its forms, and held to the law that it
-//! tells. Another kind runs with its defaults, if it needs no parameter.
+//! stylus, at every tick rate. An effect runs with the examples of its forms, and is compared with its
+//! declared law. Another kind runs with its defaults, if it needs no parameter.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -42,18 +42,18 @@ pub(super) const CASES: &[Case] = &[
         "friction in ticks stops a device of 0.1 kg that slides at 100 mm/s. The damping of the device is \
          5 % and 50 % above K T/2 + B, with K the stiffness of the bristle",
         "its energy never grows. With 50 %, its speed is below 0.01 mm/s within 40 m / (b + B - K T/2), \
-         if that is below 4 s. Until its motion is a millionth of the first, the force changes its sign at \
-         most n times. With z = (b + B - K T/2) / (2 sqrt(K m)), n is 2 + 6 ln 10 (1 / (pi z) + 1 / ln(b / B)), and a quarter more for tick \
-         rates near the oscillation",
+         if that is below 4 s. Let z = (b + B - K T/2) / (2 sqrt(K m)) and n = 2 + 6 ln 10 (1 / (pi z) + \
+         1 / ln(b / B)). Until its motion is a millionth of the first, the force changes its sign at most \
+         n times, and a quarter more for tick rates near the oscillation",
     ),
     FRICTION.kinds(
         "friction_beyond_its_bound",
         |s| each(s, &[30.0, 1e3, 1e4], Some(LIMIT_N), beyond),
         "the same under up to 1e4 N with a damping of 0.1 N s/m, behind a force limiter of 3.3 N. No \
          device bears such a law: it chatters",
-        "after half a second, its speed is at most F sqrt(3 T / (b m)) + 2 F T / m. The first term is the \
-         balance of two energies: a force that turns a tick late gives up to 2 F v T, and damping takes 2 \
-         b v^3 m / (3 F). The second term is one or two ticks of the force",
+        "after half a second, its speed is at most F sqrt(3 T / (b m)) + 2 F T / m. The first term \
+         balances two energies: 2 F v T from a force that turns a tick late, and 2 b v^3 m / (3 F) into \
+         damping. The second term is one or two ticks of the force",
     ),
     FRICTION.graph(
         "own_friction",

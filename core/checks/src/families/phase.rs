@@ -478,8 +478,8 @@ fn misled_in(inner: Arc<NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<
     })
 }
 
-/// Compares troubled frames with a constant tone. The level must come back, and the energy until then must be
-/// at most 3 dB above what is asked for.
+/// Compares troubled frames with a constant tone. The level must come back, and the energy until then must
+/// be at most 3 dB above that of the magnitudes.
 fn overcome(subject: &Subject<'_>, all: &[Trouble]) -> Found {
     each(subject, true, |method, figures| {
         for Trouble { what, len, frames, instead, asked } in all {

@@ -1,4 +1,5 @@
-//! `asperity setup`: writes the machine's file, which says what stands behind a channel of the sound card.
+//! `asperity setup`: writes the machine's file, which describes the amplifier and actuator behind a channel
+//! of the sound card.
 
 use std::io::{BufRead as _, IsTerminal as _};
 use std::path::Path;

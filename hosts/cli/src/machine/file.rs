@@ -68,7 +68,7 @@ impl Machine {
         for value in list.list()? {
             let new = output(value, base)?;
             if let Some(first) = outputs.iter().find(|o| o.device == new.device && o.channel == new.channel) {
-                let what = format!("channel {} of `{}` stands here twice", new.channel, new.device);
+                let what = format!("channel {} of `{}` is described twice", new.channel, new.device);
                 let place = &first.place;
                 return Err(new.error(what).related(&place.source, place.span, "first here"));
             }
@@ -250,7 +250,7 @@ fn output(value: &Value, base: &Path) -> Result<Output, Diagnostic> {
         (None, Some(gain)) => (Drive::Voltage, gain.f64_in(1e-3..=1000.0, "V/V")?),
         _ => {
             return Err(value
-                .error("the amplifier is not said")
+                .error("the amplifier is missing")
                 .help("amps_per_volt: of a current amplifier; or volts_per_volt: of a voltage amplifier"));
         }
     };

@@ -104,9 +104,9 @@ impl Node for OscInput {
     fn descriptor() -> Descriptor {
         let anywhere =
             "Allows an address that other machines can reach. Anyone there can then move the actuator.";
-        let arguments = "Meaning of each argument of a message, with its unit. Positions: x, y, z in mm, cm or m, \
-             such as `x_mm`; a minus inverts an axis. Others: `force_n`, `pressure` (0 to 1), `touch` (0 \
-             or 1), `time_ms`. `_` skips an argument.";
+        let arguments = "Meaning of each argument of a message, with its unit. Positions: x, y, z in mm, \
+                         cm or m, such as `x_mm`; a minus inverts an axis. Others: `force_n`, \
+                         `pressure` (0 to 1), `touch` (0 or 1), `time_ms`. `_` skips an argument.";
         let most = "Force at full pressure, if messages have a pressure.";
         let it = Descriptor::new("osc_input", "Reads a stylus that another program tracks, over OSC (UDP).")
             .param(Param::text("listen", "127.0.0.1:9000", "Address and port to listen on."))
@@ -126,7 +126,7 @@ impl Node for OscInput {
         let arguments = p.text("arguments");
         let says = ["force", "pressure"].iter().any(|word| arguments.contains(word));
         if setup.outputs[place::FORCE].connected && !says {
-            let message = format!("`{}.force` is wired, but no argument of a message says it", setup.id);
+            let message = format!("`{}.force` is wired, but no argument of a message has it", setup.id);
             return Err(p
                 .error("arguments", message)
                 .help("send force_n too, or compute it with virtual_floor"));
@@ -147,7 +147,7 @@ fn parse_listen(text: &str) -> Result<SocketAddr, Diagnostic> {
     }
     text.parse().map_err(|_| {
         error(
-            format!("`{text}` is no address to listen at"),
+            format!("`{text}` is not an address to listen on"),
             "write an IP address and a port, such as 127.0.0.1:9000, or a port alone",
         )
     })

@@ -42,7 +42,7 @@ fn effect() -> Effect {
 fn segment(pair: &Value) -> Result<(f64, f64), Diagnostic> {
     match pair.list()? {
         [distance, height] => Ok((distance.f64_in(-1e6..=1e6, "")?, height.f64_in(-1e6..=1e6, "")?)),
-        other => Err(pair.error(format!("{} numbers, where 2 are wanted", other.len()))),
+        other => Err(pair.error(format!("expected 2 numbers, found {}", other.len()))),
     }
 }
 

@@ -24,8 +24,8 @@ fn turn(hz: u32, n: u64) -> f64 {
     (u64::from(hz) * n % SECOND) as f64 / SECOND as f64
 }
 
-/// A kind of inverse of an actuator and a drive, with the drive that it makes of sines, 2 s each, then of a
-/// constant and of silence, 1 s each, all of 1 m/s^2.
+/// A kind of inverse of an actuator and a drive, with its output. The input is sines, 2 s each, then a
+/// constant and silence, 1 s each, all of 1 m/s^2.
 struct Driven {
     name: String,
     dynamics: Dynamics,

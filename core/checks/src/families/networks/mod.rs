@@ -1,8 +1,8 @@
 //! A texture network that goes wrong: its output is nonsense, or its input is unlike its training.
 //!
 //! Every case but the last runs the subject's graph twice over the same motion, as it is and with the
-//! trouble, and compares the two. A trouble lasts a frame, a window (0.1 s), or for ever. A second after the
-//! first two the drive has its level back. That leaves a margin over what was measured: the window, the
+//! trouble, and compares the two. A fault lasts a frame, a window (0.1 s), or to the end. A second after the
+//! first two the drive has its level back. That leaves a margin over the measured times: the window, the
 //! memory of the actuator's inverse (0.2 s from its largest input), and the gain of the limiter, which comes
 //! back with a time constant of 0.2 s. After a window of 1e30 the level was within 0.5 dB after 0.7 s.
 
@@ -36,8 +36,8 @@ pub(super) const CASES: &[Case] = &[
     NETWORKS.graph(
         "network_huge",
         huge,
-        "the network's magnitudes are 1e30: in one bin, in all, in a single frame, for a window, for ever. \
-         Or they are the largest number for a window",
+        "the network's magnitudes are 1e30: in one bin, in all, in a single frame, for a window, to the \
+         end. Or they are the largest number for a window",
         "in every sample the drive is finite and within the bounds of the limiter. No node fails, and \
          nodes that do not depend on the network go on to the bit. 1 s later the level is back within 1 dB",
     ),
@@ -74,10 +74,10 @@ pub(super) const CASES: &[Case] = &[
         "network_steady",
         pulses::pulses,
         "speed and force are constant, over several materials: the network's magnitudes do not change",
-        "no texture pulses. Its envelope's autocorrelation from 20 to 200 ms is at most 0.25 above that of \
-         Gaussian noise of the same spectrum, and its modulation from 15 to 25 Hz at most 2.5 times as \
-         deep. For a material that repeats with place, the autocorrelation is at most 0.25 above it at any \
-         lag that is the same at 60, 82 and 131 mm/s",
+        "no texture pulses. It is compared with Gaussian noise of the same spectrum. Its envelope's \
+         autocorrelation from 20 to 200 ms is at most 0.25 higher. Its modulation from 15 to 25 Hz is at \
+         most 2.5 times as deep. For a material that repeats over place, only lags count that are the \
+         same at 60, 82 and 131 mm/s",
     ),
 ];
 

@@ -7,7 +7,7 @@
 //!
 //! A force F_k that is read at x_k and held over a tick gives `F_k (x_k+1 - x_k)`. A device's damping b
 //! takes least at a speed that is constant from tick to tick: `b sum (x_k+1 - x_k)^2 / T`. The cases play
-//! such motions, so no device with this damping can take what they find. A wall `F = -K x` gives
+//! such motions, so no device with this damping can extract more. A wall `F = -K x` gives
 //!
 //! ```text
 //! -K x_k (x_k+1 - x_k) = U(x_k) - U(x_k+1) + K (x_k+1 - x_k)^2 / 2,    U = K x^2 / 2
@@ -192,7 +192,7 @@ struct Round {
 }
 
 /// Moves twice through places outside the surface \[mm\], one per run of the wall, at constant speed between
-/// them, with a sensor in steps of `step_mm`, if that is above 0. The second round counts.
+/// them. The sensor has steps of `step_mm`, if that is above 0. The second round counts.
 fn round(wall: &mut Wall, near: &Near, places_mm: &[f64], step_mm: f64) -> Round {
     let every = wall.every;
     let seen = |x: f64| if step_mm > 0.0 { (x / step_mm).round() * step_mm } else { x };

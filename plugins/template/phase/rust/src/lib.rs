@@ -1,9 +1,9 @@
 //! `my_phase`: a phase-retrieval node to change.
 //!
-//! It is told how strong each frequency is to be, frame by frame, and has to find phases with which
-//! overlapping frames agree. This one lets every bin run on at the frequency of its centre, which is
-//! simple and not very good: a sinusoid that lies between two bins beats. `asperity compare --plugin`
-//! says how it does beside all others.
+//! Its input is the strength of each frequency, frame by frame. It finds phases with which overlapping
+//! frames agree. This one lets every bin run on at the frequency of its centre, which is simple and not very
+//! good: a sinusoid that lies between two bins beats. `asperity compare --plugin` says how it does beside
+//! all others.
 
 use std::f64::consts::TAU;
 
@@ -43,7 +43,7 @@ impl Node for MyPhaseNode {
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles the layout of the frames"));
+            return Err(setup.params.node_error("the layout of the frames cannot be determined"));
         };
         let mut node = Self {
             length: f64::from(layout.length),
