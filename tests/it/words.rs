@@ -157,7 +157,8 @@ const SENTENCE: &[char] = &['.', '!', '?'];
 fn pages_and_help_are_plain() {
     let pages = match std::env::var(PAGES) {
         Ok(names) => names.split_whitespace().map(str::to_owned).collect(),
-        Err(_) => files(&["README.md", "ARCHITECTURE.md", "docs/*.md"]),
+        // The report of the shipped trade-off is left out: measurements write it.
+        Err(_) => files(&["README.md", "ARCHITECTURE.md", "docs/*.md", ":!docs/tradeoff"]),
     };
     let mut reader = Reader::new();
     for page in pages {
