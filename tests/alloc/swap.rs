@@ -392,7 +392,7 @@ fn a_node_is_rebuilt_if_its_code_or_what_it_reads_changed() {
     assert_eq!((why(&report, "s"), why(&report, "t")), (Some("its code was rebuilt"), None));
     // A host says so.
     let report = rig.run(7).swap_to(built(2), &["t"]);
-    assert_eq!(report.to_string(), "`t` rebuilt (what it reads changed), 2 nodes kept");
+    assert_eq!(report.to_string(), "`t` rebuilt (its source changed), 2 nodes kept");
     rig.run(7);
 }
 

@@ -223,7 +223,7 @@ fn scene_that_cannot_be_lowered_is_refused_with_place() {
         (
             NEEDS[0].0,
             ("(damping_ns_per_m: 2)", "(damping_ns_per_m: 2, output: audio_out())"),
-            "no device that pushes back",
+            "not a node of force feedback",
             "audio_out",
             "push_force",
         ),

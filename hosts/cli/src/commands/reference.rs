@@ -218,9 +218,8 @@ fn effect(registry: &Registry, kind: &str, effect: &Effect) -> String {
         for p in &form.fields {
             fields.row(&parameter(p), &p.doc);
         }
-        let empty = String::new;
         for name in &form.nested {
-            let cells = [code(name), "fields".into(), "optional".into(), empty()];
+            let cells = [code(name), "fields".into(), "optional".into(), String::new()];
             fields.row(&cells, "see [fields of effects](#fields-of-effects)");
         }
         out += &fields.under("| field | range | default | unit | meaning |");
