@@ -27,18 +27,18 @@ pub struct MyPhaseNode {
 
 impl Node for MyPhaseNode {
     fn descriptor() -> Descriptor {
-        Descriptor::new("my_phase", "Lets every bin run on at the frequency of its centre.")
+        Descriptor::new("my_phase", "Continues every bin at its centre frequency.")
             .input(
                 Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                     .unit_of('u')
-                    .doc("what the next frame is to have"),
+                    .doc("magnitudes of the next frame"),
             )
             .output(
                 Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                     .unit_of('u')
                     .doc("the same magnitudes with phases"),
             )
-            .param(Param::number("spread", 1.0, 0.0..=1.0, "How far start phases are spread, in turns."))
+            .param(Param::number("spread", 1.0, 0.0..=1.0, "Spread of the start phases, in turns."))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
