@@ -6,7 +6,7 @@ OUT ?= out
 # Where cargo puts programs that are not optimised for release.
 BUILT := $(or $(CARGO_TARGET_DIR),target)/debug
 
-.PHONY: test-demo setup-tests setup-fuzz header stability-docs scene-docs plugins setup demo test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -106,13 +106,10 @@ tradeoff: setup
 header: setup
 	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi header
 
-# Writes the hard cases into docs/stability.md anew.
-stability-docs: setup
-	ASPERITY_WRITE_STABILITY=1 $(CARGO) test -p asperity-checks docs
-
-# Writes the effects into docs/scenes.md anew.
-scene-docs: setup
-	ASPERITY_WRITE_SCENES=1 $(CARGO) test -p asperity-nodes docs
+# Writes the generated parts of docs/reference anew.
+reference: setup
+	$(CARGO) build --workspace $(WITHOUT) --bin asperity
+	$(BUILT)/asperity reference
 
 # Trains the model of the made surfaces again; checkpoints lie in $(OUT).
 train: setup

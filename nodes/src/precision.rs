@@ -5,8 +5,10 @@ use crate::prelude::*;
 
 /// The parameter `precision`.
 pub(crate) fn precision() -> Param {
-    choice("precision", &["f32", "f64"])
-        .doc("What the node computes in; f64 shows what f32 costs in accuracy. Inputs and outputs are f32.")
+    choice("precision", &["f32", "f64"]).doc(
+        "Floating-point type of the computation. Inputs and outputs are f32 either way. f64 shows the \
+             accuracy lost with f32.",
+    )
 }
 
 /// Prepares a node in the precision that its parameter says. One precision continues from the state of the

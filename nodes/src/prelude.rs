@@ -62,7 +62,7 @@ pub(crate) fn spectrum_out() -> Output {
 pub(crate) fn signal_out() -> Output {
     Output::new("signal", ShapeSpec::Audio(RateSpec::Of('l')), Unit::NONE)
         .unit_of('u')
-        .doc("the signal at the frames' rate")
+        .doc("signal at the sample rate of the frames")
 }
 
 pub(crate) fn number(
@@ -108,7 +108,7 @@ pub(crate) fn error_at(params: &Params, name: &str, e: Diagnostic) -> Diagnostic
     }
 }
 
-/// Documents a parameter, or what was added last to a descriptor or a form: all else has its words already.
+/// Documents a parameter, or the last addition to a descriptor or a form: all else has its words already.
 pub(crate) trait Doc {
     fn doc(self, doc: &'static str) -> Self;
 }

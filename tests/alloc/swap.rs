@@ -389,10 +389,10 @@ fn a_node_is_rebuilt_if_its_code_or_what_it_reads_changed() {
     let mut rig = Rig::of(built(1));
     assert!(rig.run(7).swap_to(built(1), &[]).is_nothing());
     let report = rig.run(7).swap_to(built(2), &[]);
-    assert_eq!((why(&report, "s"), why(&report, "t")), (Some("its code was built anew"), None));
+    assert_eq!((why(&report, "s"), why(&report, "t")), (Some("its code was rebuilt"), None));
     // A host says so.
     let report = rig.run(7).swap_to(built(2), &["t"]);
-    assert_eq!(report.to_string(), "`t` rebuilt (what it reads changed), 2 nodes kept");
+    assert_eq!(report.to_string(), "`t` rebuilt (its source changed), 2 nodes kept");
     rig.run(7);
 }
 
@@ -410,17 +410,12 @@ fn a_node_is_rebuilt_if_what_it_was_prepared_with_changed() {
             "`level` changed",
         ),
         (format!("{gain}; t -> g"), format!("{gain}; v -> g"), "g", "its ports have other types"),
-        (
-            counter.to_owned(),
-            format!("{counter}; p: probe; c.tick -> p"),
-            "c",
-            "other ports of it are connected",
-        ),
+        (counter.to_owned(), format!("{counter}; p: probe; c.tick -> p"), "c", "its connections changed"),
         (
             format!("{tone}; d -> m.in2; m -> out"),
             format!("{tone}; t -> m.in2; d -> out"),
             "d",
-            "it stands otherwise in a cycle",
+            "its place in a cycle changed",
         ),
     ] {
         let (mut rig, report) = Rig::swapped(&from, 7, &to);

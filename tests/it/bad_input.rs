@@ -12,7 +12,7 @@ const SPELLING: &[Case] = &[
     ("cutoff_hz: 20.0 => ^cutof_hz: 20.0", "no parameter `cutof_hz`|did you mean `cutoff_hz`?"),
     (r#""motion.speed" => ^"motion.sped""#, "no output `sped`|did you mean `speed`?"),
     (r#""motion.speed" => ^"moton.speed""#, "no node `moton`|did you mean `motion`?"),
-    (r#""motion.speed" => ^"motion""#, "has 4 outputs; say which|`motion.speed`"),
+    (r#""motion.speed" => ^"motion""#, "has 4 outputs; name one|`motion.speed`"),
     ("zigzag.csv => zigzac.csv", "cannot find the file|did you mean `zigzag.csv`?"),
     (r#""canvas" => ^"canvs""#, "did you mean `canvas`?"),
 ];
@@ -28,10 +28,10 @@ const VALUES: &[Case] = &[
     ("cutoff_hz: 20.0 => cutoff_hz: ^1e400", "not a finite number"),
     (r#"cutoff_hz: 20.0 => cutoff_hz: ^"20""#, r#"expected a number, found the text "20""#),
     (r#""floor": (kind: "virtual_floor" => "floor": (kind: ^7"#, "expected a text in quotes"),
-    ("cutoff_hz: 20.0 => cutoff_hz: 20.0, ^cutoff_hz: 30.0", "`cutoff_hz` stands here twice|the first"),
+    ("cutoff_hz: 20.0 => cutoff_hz: 20.0, ^cutoff_hz: 30.0", "`cutoff_hz` is given twice|the first"),
     (
         r#""phase": (kind: "spsi"), => "phase": (kind: "spsi"), ^"phase": (kind: "gain"),"#,
-        "`phase` stands here twice",
+        "`phase` is given twice",
     ),
     ("synthesis_hz: 2500 => synthesis_hz: ^2503", "not a whole number of samples at 2503 Hz"),
     (
@@ -50,7 +50,7 @@ const WIRES: &[Case] = &[
     (
         r#"("phase", "synthesis") => ("texture", ^"synthesis")
         ("texture", "phase"), => "#,
-        "carries Magnitude of 101 bins|takes Spectrum|what goes between: `|`spsi`",
+        "carries Magnitude of 101 bins|takes Spectrum|nodes that fit between: `|`spsi`",
     ),
     // Rates: straight from 2500 Hz into the sound card's rate.
     (
@@ -67,7 +67,7 @@ const WIRES: &[Case] = &[
     (
         r#"("inverse", "limiter") => ("inverse", ^"out")
         ("limiter", "out"), => "#,
-        "takes only what a limiter lets through|put a `limiter` last",
+        "takes only the output of a limiter|put a `limiter` last",
     ),
     (
         r#""phase": (kind: "spsi"), => "phase": (kind: "spsi"), "a": (kind: "mix"), "b": (kind: "gain"),

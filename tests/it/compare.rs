@@ -252,7 +252,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         ("--vectors scores", "invalid type: string \"low\", expected f64 at line 1 column 39"),
         ("--vectors silent", "all magnitudes are 0"),
         ("--phase spsy", "did you mean `spsi`?"),
-        ("--phase gain", "`gain` is no phase-retrieval node"),
+        ("--phase gain", "`gain` is not a phase-retrieval node"),
         ("--phase spsi:sed=1", "did you mean `seed`?"),
         ("--phase spsi:seed", "no `=`"),
         ("--svg gone/a.svg", "cannot write here"),

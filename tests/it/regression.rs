@@ -99,7 +99,7 @@ fn a_link_is_followed_and_what_is_no_file_is_left_alone() {
     assert!(dir.join("link.json").is_symlink() && dir.text("target.json").starts_with('{'));
     std::fs::create_dir(dir.join("d.wav")).unwrap();
     for output in ["--out d.wav", "--report /dev/null"] {
-        render(&dir, &format!("--seconds 0.1 {output}")).refused("is no file");
+        render(&dir, &format!("--seconds 0.1 {output}")).refused("is not a file");
     }
 }
 

@@ -189,7 +189,7 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
     onlooker.until("the hand", |s| hand(s)[0] > 200);
     drop(service);
     edit(dir, other);
-    onlooker.until("that it is gone", |_| live.said().contains("cannot be had again"));
+    onlooker.until("that it is gone", |_| live.said().contains("cannot be restored"));
     assert_ne!(chosen(&onlooker.shown), "sandpaper P40");
     onlooker.ask(&json!({ "material": { "node": "texture", "name": "sandpaper P40" } }));
     onlooker.until("the texture", |s| chosen(s) == "sandpaper P40");

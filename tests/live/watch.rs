@@ -166,6 +166,6 @@ fn plugin_that_is_damaged_or_meddles_does_not_come_into_a_run() {
     build(dir, "-DHANDLER");
     run.says("this plugin does not leave the process as it was: it changed the handler of signal 11");
     build(dir, "-DAMPLITUDE=0.05f");
-    run.says("its code was built anew");
+    run.says("its code was rebuilt");
     run.stop().ok();
 }

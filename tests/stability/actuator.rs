@@ -57,7 +57,7 @@ fn inverse_band() {
     // Plugins: too loud, and too loud where nothing is felt any more.
     let louder = changed(&subject, "actuator_inverse", |y, _, _| 1.05 * y);
     let bright = changed(&subject, "actuator_inverse", |y, _, last| 1.15 * y - 0.15 * last);
-    for (mutant, why) in [(louder, "dB off what is stated"), (bright, "times what was asked")] {
+    for (mutant, why) in [(louder, "dB off the stated response"), (bright, "times the wanted acceleration")] {
         let kind = mutant.kind("actuator_inverse").expect("the kind");
         fails("inverse_band", &subject.clone().with(plugin(&kind, "an_inverse", |d| d)), why);
     }

@@ -42,7 +42,7 @@ fn is_quiet_at_rest() {
             tick.outputs.control(0)[0] -= size * velocity.signum();
         }
     });
-    fails("friction_is_quiet_at_rest", &steps, "the law at rest says");
+    fails("friction_is_quiet_at_rest", &steps, "by the law at rest");
 }
 
 #[test]

@@ -28,7 +28,7 @@ pub struct Dynamics {
     pub stroke: f64,
     /// Thermal time constant of the coil \[s\].
     pub thermal_time_constant: f64,
-    /// Current that the coil bears for ever \[A rms\].
+    /// Current that the coil bears continuously \[A rms\].
     pub rated_current: f64,
     /// Largest current at any time \[A\].
     pub peak_current: f64,

@@ -1,7 +1,7 @@
 //! The inverse: from a wanted acceleration of the handle to a current or voltage.
 //!
-//! A/I has a double zero at s = 0: an actuator on a free handle cannot push for ever. So the inverse does not
-//! use a double pole at 0, but a second-order pole near 20 Hz (w_c, zeta_c). A wanted A* then gives
+//! A/I has a double zero at s = 0: an actuator on a free handle cannot push without end. So the inverse does
+//! not use a double pole at 0, but a second-order pole near 20 Hz (w_c, zeta_c). A wanted A* then gives
 //!
 //! ```text
 //! I/A* = -(m_h / k_f) (s^2 + 2 zeta w_n s + w_n^2) / (s^2 + 2 zeta_c w_c s + w_c^2)
@@ -25,9 +25,9 @@
 //! and 128 uH has its corner near that, at 5.6 kHz. A/A* is then multiplied by 1 / (1 + s / w_r): 0.04 dB and
 //! 16 us at 1 kHz.
 //!
-//! [`InverseModel`] selects how much of this is kept. A/A* shows what is left out. H_c is the high-pass
-//! above, `Z = R + L s + k_f s x/I` the coil's impedance. Only the full model under a voltage has `1 / (1 + s
-//! / w_r)`:
+//! [`InverseModel`] selects how much of this is kept. A/A* shows the effect of the omitted terms. H_c is the
+//! high-pass above, `Z = R + L s + k_f s x/I` the coil's impedance. Only the full model under a voltage has
+//! `1 / (1 + s / w_r)`:
 //!
 //! ```text
 //! model          under a current                  under a voltage

@@ -60,7 +60,7 @@ fn check(what: &str, found: f64, from: f64, to: f64, unit: &str) -> Result<(), D
         return Ok(());
     }
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    Err(Diagnostic::new(format!("{what} of {found}{unit} does not fit; from {from} to {to}{unit} does")))
+    Err(Diagnostic::new(format!("{what} of {found}{unit} is out of range; allowed is {from} to {to}{unit}")))
 }
 
 #[cfg(test)]

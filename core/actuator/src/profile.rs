@@ -41,7 +41,7 @@ pub struct ActuatorProfile {
     pub stroke: Quantity,
     /// Thermal time constant of the coil \[s\].
     pub thermal_time_constant: Quantity,
-    /// Current that the coil bears for ever \[A rms\].
+    /// Current that the coil bears continuously \[A rms\].
     pub rated_current: Quantity,
     /// Largest current at any time \[A\].
     pub peak_current: Quantity,
@@ -108,7 +108,7 @@ impl ActuatorProfile {
         }
         let name = record.required("name")?;
         if name.text()?.trim().is_empty() {
-            return Err(name.error("an actuator needs a name").help("what is printed on it"));
+            return Err(name.error("an actuator needs a name").help("for example the name printed on it"));
         }
         let name = name.text()?.to_owned();
         let mut all = Vec::with_capacity(FIELDS.len());

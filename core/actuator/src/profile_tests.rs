@@ -49,7 +49,7 @@ fn heavier_handle_lowers_the_resonance() {
     assert!((hz(10_000.0) - alone).abs() < 0.02);
     assert!(Dynamics::new(&p, 0.0).is_err() && Dynamics::new(&p, f64::NAN).is_err());
     let said = Dynamics::new(&p, 0.5).unwrap_err().to_string();
-    assert_eq!(said, "a handle's mass of 0.5 g does not fit; from 1 to 10000 g does");
+    assert_eq!(said, "a handle's mass of 0.5 g is out of range; allowed is 1 to 10000 g");
 }
 
 #[test]
@@ -68,7 +68,7 @@ fn bad_profiles_are_refused_where_they_are_wrong() {
         ("ma: 600", "ma: 100", "the peak current is below the rated current (at least 147.8 mA)", 19),
         ("uh: 128", "uh: 4999.5", "a coil of this inductance", 17),
         ("uh: 128", "uh: 1e50", "uH is out of range", 22),
-        ("inductance: (uh: 128", "inductance: (uh: 128, uh: 3", "stands here twice", 27),
+        ("inductance: (uh: 128", "inductance: (uh: 128, uh: 3", "is given twice", 27),
         ("(uh: 128", "(uh: 128, estimated: true", "did you mean `estimate`?", 27),
         ("name: ", "nmae: \"x\", name: ", "unknown field `nmae` (did you mean `name`?)", 5),
     ] {

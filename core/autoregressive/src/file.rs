@@ -142,7 +142,7 @@ impl TextureFile {
         // The text must read back to this texture.
         match Self::parse(&Source::new("texture", text.as_str())) {
             Ok(read) if read == *self => Ok(text),
-            Ok(_) => Err(Diagnostic::new("this texture cannot be written so that it stays what it is")),
+            Ok(_) => Err(Diagnostic::new("this texture would read back different after writing")),
             Err(e) => Err(Diagnostic { place: None, file: None, related: Vec::new(), ..e }),
         }
     }

@@ -1,6 +1,5 @@
-//! Reads a texture from a file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado,
-//! Kuchenbecker 2014, "One hundred data-driven haptic texture models and open-source methods for
-//! rendering on 3D objects").
+//! Reads a texture file of the Penn Haptic Texture Toolkit (Culbertson, Lopez Delgado, Kuchenbecker 2014,
+//! "One hundred data-driven haptic texture models and open-source methods for rendering on 3D objects").
 //!
 //! XML with a `modelSet`:
 //!
@@ -150,7 +149,10 @@ fn triangles(set: Element<'_, '_>, models: &[Model]) -> Result<Option<Vec<[usize
     let mut corners = Vec::with_capacity(numbers.values.len());
     for &x in &numbers.values {
         if x.fract() != 0.0 || !(1.0..=models.len() as f64).contains(&x) {
-            return fail(format!("the corner {x} in `tri` is none of {} models", models.len()));
+            return fail(format!(
+                "the corner {x} in `tri` is not the number of a model (1 to {})",
+                models.len()
+            ));
         }
         corners.push(x as usize - 1);
     }
@@ -255,7 +257,7 @@ fn document(source: &Arc<Source>) -> Result<Document<'_>, Diagnostic> {
         // A short text could stand for gigabytes.
         return Err(Diagnostic::new("an XML file that defines entities is not read")
             .at(source, Span::at(at))
-            .help("write what they stand for in their place"));
+            .help("replace each entity by its text"));
     }
     let nodes = source.text().bytes().filter(|b| matches!(b, b'<' | b'=')).count() as u64;
     budget::needs(nodes * NODE_BYTES).map_err(|e| e.in_file(source.path()))?;

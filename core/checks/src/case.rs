@@ -1,4 +1,4 @@
-//! A case, and what comes of it.
+//! A case, and its result.
 
 use crate::subject::Subject;
 
@@ -127,7 +127,7 @@ fn short(x: f64) -> String {
     }
 }
 
-/// Something hard, and what must hold in it.
+/// A difficulty, and the bounds that must hold in it.
 #[derive(Clone, Copy, Debug)]
 pub struct Case {
     /// The group of cases to which it belongs: lower case, words joined by `_`.

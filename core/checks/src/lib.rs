@@ -13,7 +13,7 @@
 mod case;
 mod buffers;
 #[cfg(test)]
-mod docs_tests;
+mod case_tests;
 mod families;
 mod handle;
 mod node;

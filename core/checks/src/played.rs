@@ -33,7 +33,7 @@ pub struct Played;
 
 /// A kind without inputs, with an output `out`.
 fn source(name: &str, shape: ShapeSpec, unit: Unit) -> Descriptor {
-    Descriptor::new(name.to_owned(), "Plays what it is given.").output(Output::new("out", shape, unit))
+    Descriptor::new(name.to_owned(), "Plays given samples.").output(Output::new("out", shape, unit))
 }
 
 /// A stylus with the outputs of `like`: `position` is where `place` says, `force` is that of a floor at z =

@@ -32,7 +32,7 @@ pub(crate) struct Wall {
     delay_s: f64,
     /// Name of the output of the force.
     pub source: String,
-    /// Whether a device is told of the wall and evaluates it in a loop of its own, with less delay.
+    /// Whether a device evaluates the wall in its own loop, with less delay.
     pub handed_on: bool,
 }
 

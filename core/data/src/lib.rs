@@ -1,11 +1,12 @@
-//! Data to train and judge texture models: tactile images of materials, and strokes with what they feel like.
+//! Data to train and judge texture models: tactile images of materials, and strokes with their
+//! accelerations.
 //!
 //! All sources give [`Subject`]s. An [`Example`] is one instant of a stroke as the chain measures it: the
 //! last ten forces and velocities, 2 ms apart, and the magnitudes of the 0.1 s of acceleration that begin
 //! there.
 //!
-//! A rendered stroke is compared with what a tool [felt] along it: simulated over a piece of a [made
-//! surface](made::Ground), or [recorded](recordings::recording).
+//! A rendered stroke is compared with the accelerations that a tool [felt] along it: simulated over a piece
+//! of a [made surface](made::Ground), or [recorded](recordings::recording).
 
 mod example;
 pub mod felt;

@@ -33,7 +33,7 @@ impl Source {
                 let good = e.utf8_error().valid_up_to();
                 let text = String::from_utf8_lossy(&e.as_bytes()[..good]).into_owned();
                 let source = Self::new(path, text);
-                Err(Diagnostic::new("not a text file: what comes here is not UTF-8")
+                Err(Diagnostic::new("not a text file: from here on it is not UTF-8")
                     .at(&source, Span::at(good)))
             }
         }

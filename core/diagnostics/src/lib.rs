@@ -1,9 +1,9 @@
 //! Text files and errors about them.
 //!
-//! [`Source`] is a file with its text, [`Diagnostic`] an error that points into it, and [`ron`] a strict
-//! reader for RON that keeps the position of every value (its parser is the feature `ron`). It reads
-//! graphs, materials and actuator profiles. So every bad file is reported in one way: file, line, column,
-//! what was found and what would fit.
+//! [`Source`] is a file with its text, and [`Diagnostic`] an error that points into it. [`ron`] is a strict
+//! reader for RON that keeps the position of every value (its parser is the feature `ron`). It reads graphs,
+//! materials and actuator profiles. So every bad file is reported in one way: file, line, column, the value
+//! that was found and those that would fit.
 
 pub mod budget;
 mod diagnostic;

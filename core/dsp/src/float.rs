@@ -54,7 +54,7 @@ pub trait Float: Default + PartialOrd + AddAssign + SubAssign + MulAssign + Keep
 impl Float for f32 {
     const MAX: Self = f32::MAX;
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "rounding is what this is for")]
+    #[expect(clippy::cast_possible_truncation, reason = "the conversion rounds on purpose")]
     fn of(x: f64) -> Self {
         x as f32
     }

@@ -146,8 +146,8 @@ impl Slot {
         self.call(buffers, now, watch);
     }
 
-    /// Wakes from the sleep that the gates allowed. A node with `Elapsed` is told only of ticks in
-    /// which it was not called.
+    /// Wakes from the sleep that the gates allowed. A node with `Elapsed` learns only of ticks in which it
+    /// was not called.
     fn wake(&mut self, now: Now) {
         let Some(since) = self.asleep_since.take() else { return };
         self.rouse();
@@ -166,7 +166,7 @@ impl Slot {
         }
     }
 
-    /// Skips time without a tick. A sleeping node is told when it wakes.
+    /// Skips time without a tick. A sleeping node learns it when it wakes.
     pub(crate) fn skip(&mut self, ticks: u64, now: Now) {
         let asleep = self.asleep_since.is_some();
         self.rouse();

@@ -257,7 +257,7 @@ fn items<T>(
 fn plugin(value: &Value) -> Result<PluginDecl, Diagnostic> {
     let name = value.text()?.to_owned();
     if name.trim().is_empty() {
-        return Err(value.error("a plugin has a name or a file").help("plugins: [\"libmy_phase.so\"]"));
+        return Err(value.error("the name of a plugin is empty").help("plugins: [\"libmy_phase.so\"]"));
     }
     Ok(PluginDecl { name, place: value.place() })
 }

@@ -108,8 +108,8 @@ const CIRCLE_RAMP_S: f64 = 0.5;
 /// A made stroke: approach, path on the surface, lift-off. It is a pure function of time: samples may
 /// be taken in any order.
 ///
-/// Its samples have no force and no speed. The force is what a surface of
-/// [`stiffness_n_per_mm`](StrokeParams::stiffness_n_per_mm) at z = 0 gives for the depth.
+/// Its samples have no force and no speed. The force follows from the depth in a surface of
+/// [`stiffness_n_per_mm`](StrokeParams::stiffness_n_per_mm) at z = 0.
 #[derive(Clone, Debug)]
 pub struct Stroke {
     params: StrokeParams,

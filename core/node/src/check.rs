@@ -16,9 +16,9 @@ const MOST_HZ: u32 = 1_000_000;
 const MOST_SAMPLES: u32 = 1 << 20;
 
 impl Descriptor {
-    /// Checks the rules of a descriptor: names are lower case and distinct, everything is documented,
-    /// ranges are not empty, defaults lie in them, `gate` and `feedback` name an input and a number,
-    /// only kinds that can change are live, and shapes have a size.
+    /// Checks the rules of a descriptor: names are lower case and distinct, everything is documented, ranges
+    /// are not empty, defaults lie in them. `gate` and `feedback` name an input and a number, only kinds
+    /// that can change are live, and shapes have a size.
     ///
     /// # Errors
     /// The first problem, with the kind and the port or parameter. It does not panic on any values.
@@ -29,9 +29,9 @@ impl Descriptor {
     }
 
     fn rules(&self) -> Check {
-        ensure(is_name(&self.kind), || format!("its name is to be {NAME}"))?;
+        ensure(is_name(&self.kind), || format!("its name must be {NAME}"))?;
         ensure(self.summary.ends_with('.'), || {
-            "its summary is to be a sentence that ends with a full stop".to_owned()
+            "its summary must be a sentence that ends with a full stop".to_owned()
         })?;
         list("input", &self.inputs, |p| (&p.name, &p.doc), input)?;
         list("output", &self.outputs, |p| (&p.name, &p.doc), |p| shape(&p.shape))?;
@@ -43,7 +43,7 @@ impl Descriptor {
             let has = self.params.iter().any(|p| p.name == *delay && matches!(p.kind, ParamKind::Number(_)));
             ensure(has, || format!("it closes cycles by {delay:?}, and no number parameter has that name"))?;
         }
-        ensure(!self.passive || self.sink, || "it only looks on, and is no sink".to_owned())?;
+        ensure(!self.passive || self.sink, || "it is passive, but not a sink".to_owned())?;
         self.effect.as_ref().map_or(Ok(()), |effect| self.effect_rules(effect))
     }
 
@@ -59,7 +59,7 @@ impl Descriptor {
             ensure(self.has_input(name), || {
                 format!("its effect needs {name:?}, and no input has that name")
             })?;
-            ensure(is_name(quantity), || format!("quantity {quantity:?}: a name is to be {NAME}"))?;
+            ensure(is_name(quantity), || format!("quantity {quantity:?}: a name must be {NAME}"))?;
         }
         let gives = self.outputs.first().map(|output| &output.shape);
         ensure(matches!(gives, Some(ShapeSpec::Audio(_) | ShapeSpec::Control(3))), || {
@@ -110,8 +110,8 @@ fn list<T>(
     let mut seen = HashSet::new();
     for it in list {
         let (name, doc) = name_and_doc(it);
-        ensure(is_name(name), || format!("{what} {name:?}: a name is to be {NAME}"))?;
-        ensure(!doc.trim().is_empty(), || format!("{what} `{name}`: nothing says what it is"))?;
+        ensure(is_name(name), || format!("{what} {name:?}: a name must be {NAME}"))?;
+        ensure(!doc.trim().is_empty(), || format!("{what} `{name}` has no description"))?;
         ensure(seen.insert(name), || format!("there are two of {what} `{name}`"))?;
     }
     let of = |it| item(it).map_err(|why| format!("{what} `{}`: {why}", name_and_doc(it).0));

@@ -10,7 +10,7 @@ pub enum Resume {
     /// The node is reset, as if the graph began.
     #[default]
     Restart,
-    /// The node is told how many ticks it slept.
+    /// The node learns how many ticks it slept.
     Elapsed,
     /// The node continues as it was. Its output depends on the tick and its inputs, not on the number
     /// of calls.

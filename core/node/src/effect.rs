@@ -172,7 +172,7 @@ impl Effect {
         self
     }
 
-    /// Adds a check of what the ranges of the fields cannot say.
+    /// Adds a check beyond the ranges of the fields.
     pub fn check(
         mut self,
         check: impl Fn(&Settings) -> Result<(), Diagnostic> + Send + Sync + 'static,

@@ -10,9 +10,10 @@ use crate::{Effect, Node, NodeKind, Role};
 #[derive(Clone, Default)]
 pub struct Registry {
     kinds: BTreeMap<String, Arc<NodeKind>>,
-    /// Names in the order in which they were added.
-    order: Vec<String>,
     shipped: Option<fn(&Path) -> Option<PathBuf>>,
+    /// Names in the order in which they were added, with their stages.
+    order: Vec<(String, &'static str)>,
+    stage: &'static str,
 }
 
 impl std::fmt::Debug for Registry {
@@ -27,6 +28,12 @@ impl Registry {
         Self::default()
     }
 
+    /// Names the stage of the chain to which the kinds that follow belong.
+    #[must_use]
+    pub fn stage(self, stage: &'static str) -> Self {
+        Self { stage, ..self }
+    }
+
     /// Adds a node type.
     #[must_use]
     pub fn with<N: Node>(mut self) -> Self {
@@ -39,7 +46,7 @@ impl Registry {
         let name = kind.descriptor().kind.to_string();
         let before = self.kinds.insert(name.clone(), kind);
         if before.is_none() {
-            self.order.push(name);
+            self.order.push((name, self.stage));
         }
         before
     }
@@ -68,7 +75,10 @@ impl Registry {
 
     /// Names of the kinds with a role, in the order in which they were added.
     pub fn with_role(&self, role: Role) -> impl Iterator<Item = &str> + Clone {
-        self.order.iter().map(String::as_str).filter(move |kind| self.role(kind) == Some(role))
+        self.in_order().filter_map(move |(_, kind)| {
+            let d = kind.descriptor();
+            (d.role == Some(role)).then_some(d.kind.as_ref())
+        })
     }
 
     /// All kinds, by name.
@@ -76,10 +86,14 @@ impl Registry {
         self.kinds.values()
     }
 
+    /// All kinds with their stages, in the order in which they were added.
+    pub fn in_order(&self) -> impl Iterator<Item = (&'static str, &Arc<NodeKind>)> + Clone {
+        self.order.iter().filter_map(|(name, stage)| Some((*stage, self.kinds.get(name)?)))
+    }
+
     /// Kinds that render an effect of surfaces, in the order in which they were added.
     pub fn effects(&self) -> impl Iterator<Item = (&str, &Effect)> {
-        let kinds = self.order.iter().filter_map(|name| self.kinds.get(name));
-        kinds.filter_map(|kind| {
+        self.in_order().filter_map(|(_, kind)| {
             let descriptor = kind.descriptor();
             Some((descriptor.kind.as_ref(), descriptor.effect.as_ref()?))
         })

@@ -14,7 +14,7 @@ const MATERIALS: [&str; 8] = [
 fn main() {
     println!(
         "// A thousand tiles of 10 mm, 40 along x and 25 along y. \
-         One is touched at a time, and costs what it would alone."
+         One is touched at a time, and costs as much as it would alone."
     );
     println!("// Made by `cargo run -p asperity-scene --example make_thousand`.");
     println!("Scene(\n    version: 1,\n    tick_hz: 500,\n    audio_hz: 48000,\n    seed: 2024,");

@@ -54,7 +54,7 @@ struct Volume {
     inside: Vec<f64>,
 }
 
-/// Surfaces of one kind, what is known of each, and the one that is held.
+/// Surfaces of one kind, the state of each, and the one that is held.
 #[derive(Clone, Debug)]
 struct Group<T> {
     index: Index,

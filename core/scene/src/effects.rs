@@ -81,7 +81,7 @@ fn wall(
 fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
     let all = value.list().unwrap_or_else(|_| std::slice::from_ref(value));
     if all.is_empty() {
-        return Err(value.error("a list of no textures").help("leave `texture` out, or name one"));
+        return Err(value.error("an empty list of textures").help("leave `texture` out, or name one"));
     }
     for value in all {
         let (Kind::Word(kind) | Kind::Record { name: Some(kind), .. }) = value.kind() else {

@@ -69,7 +69,7 @@ impl Scene {
         let more = all.count();
         let more = if more > 0 { format!(" and {more} more") } else { String::new() };
         let message =
-            format!("`{name}`{more}: nothing plays what vibrates here; add `output: audio_out` to the scene");
+            format!("`{name}`{more}: vibration without an output; add `output: audio_out` to the scene");
         Some(Finding { message, place })
     }
 
@@ -131,7 +131,8 @@ impl Scene {
         let (_, _, place) = laws.first().filter(|_| !passivity.holds())?;
         let names: Vec<&str> = laws.iter().map(|(name, ..)| *name).collect();
         let unset = self.device.damping_ns_per_m == 0.0;
-        let hint = if unset { "; `device: (damping_ns_per_m: ..)` says what it has" } else { "" };
+        let hint =
+            if unset { "; set the device's own damping with `device: (damping_ns_per_m: ..)`" } else { "" };
         Some((format!(" {what} ({}): {passivity}{hint}", names.join(" + ")), place.clone()))
     }
 }

@@ -155,7 +155,7 @@ pub(super) fn numbers<const N: usize>(
         })
     })?;
     let all = items.iter().map(|item| item.f64_in(range.clone(), unit)).collect::<Result<Vec<_>, _>>()?;
-    let wrong = |all: Vec<f64>| value.error(format!("{} numbers, where {N} are wanted", all.len()));
+    let wrong = |all: Vec<f64>| value.error(format!("expected {N} numbers, found {}", all.len()));
     all.try_into().map_err(wrong)
 }
 
@@ -234,7 +234,7 @@ fn surfaces(list: &Value, known: &mut Known) -> Result<Vec<Touchable>, Diagnosti
     let entries = list.map()?;
     if entries.is_empty() {
         let help = "surfaces: {\"floor\": (shape: plane, ...)}";
-        return Err(list.error("a scene of nothing to touch").help(help));
+        return Err(list.error("a scene without surfaces").help(help));
     }
     entries.iter().map(|(key, value)| touchable(key, value, known)).collect()
 }
@@ -251,7 +251,7 @@ fn touchable(key: &ron::Key, value: &Value, known: &mut Known) -> Result<Touchab
     let effects = effects::effects(record.optional("effects"))?;
     record.finish()?;
     if let (Some(texture), None) = (effects.place(NETWORK), &material) {
-        return Err(error(&texture, "a network texture of no material")
+        return Err(error(&texture, "a network texture without a material")
             .help("material: \"NAME\" of the network's library, beside `effects`"));
     }
     Ok(Touchable { name: key.name.clone(), place, surface, material, effects })

@@ -36,7 +36,7 @@ fn shape(value: &Value, known_before: &mut Known) -> Result<Shape, Diagnostic> {
     let Some(mut record) = body(value, name)? else {
         return match name {
             "plane" => Ok(Shape::plane()),
-            _ => Err(value.error(format!("a {name} of no size")).help(usage(name))),
+            _ => Err(value.error(format!("a {name} without a size")).help(usage(name))),
         };
     };
     let thickness =

@@ -70,14 +70,14 @@ fn errors_have_a_place_and_the_nearest_name() {
     refused(&plane(&format!("{WALL}, friction: lugre(static_coefficient: 0.2)")), &["s.ron:3:"]);
     refused("\"a\": (shape: cube)", &["unknown shape `cube`"]);
     refused("\"a\": (shape: rectangle(size_mm: (10, 0)))", &["s.ron:3:", "a rectangle"]);
-    refused("\"a\": (shape: sphere)", &["a sphere of no size", "radius_mm"]);
+    refused("\"a\": (shape: sphere)", &["a sphere without a size", "radius_mm"]);
     refused("\"a\": (shape: sphere(radius_mm: -1))", &["out of range"]);
     refused("\"a\": (shape: relief(heights: made(surface: \"hesian\")))", &["hesian", "hessian"]);
     refused(
         "\"a\": (shape: plane, material: \"x\", effects: (texture: network))",
         &["`network` on a surface that does not push back"],
     );
-    refused(&plane(&format!("{WALL}, texture: network")), &["of no material"]);
+    refused(&plane(&format!("{WALL}, texture: network")), &["without a material"]);
     refused(
         &format!("\"a\": (shape: plane, material: \"x\", effects: ({WALL}, texture: [network, network]))"),
         &["two network textures"],

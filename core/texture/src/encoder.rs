@@ -71,7 +71,7 @@ impl Encoder {
         let values: [f32; TEXTURE_LEN] =
             values.ok_or_else(|| refuse("the encoder fails on this image".into()))?;
         match values.iter().position(|x| !x.is_finite()) {
-            Some(at) => Err(refuse(format!("number {at} of what the encoder answers is not finite"))),
+            Some(at) => Err(refuse(format!("number {at} of the encoder's output is not finite"))),
             None => Ok(values),
         }
     }

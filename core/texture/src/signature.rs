@@ -15,8 +15,8 @@ pub const MAGNITUDES_LEN: usize = 100;
 
 /// Description of a valid network, for errors.
 pub(crate) const WANTED: &str = "a texture network has the float inputs force [1,10], speed [1,20] and \
-                                 texture [1,256] and the float output magnitudes [1,100]; it may also \
-                                 have the float outputs ratio [1,100] and variance [1,1], both or neither";
+                                 texture [1,256], and the float output magnitudes [1,100]. Optional, \
+                                 together: the float outputs ratio [1,100] and variance [1,1]";
 
 /// Outputs for the scatter of magnitudes, with their lengths.
 const SCATTER: [(&str, usize); 2] = [("ratio", MAGNITUDES_LEN), ("variance", 1)];
@@ -99,7 +99,7 @@ fn signature(graph: &GraphProto) -> Result<Signature, String> {
         let fitting = || Role::ALL.into_iter().find(|role| row_len(input) == Some(role.len()));
         let found = describe(input);
         match named.or_else(fitting) {
-            None => Err(format!("input {found} is none of force, speed, texture")),
+            None => Err(format!("input {found} is not force, speed or texture")),
             Some(role) if row_len(input) != Some(role.len()) => {
                 Err(format!("input {found} does not fit [1,{}]", role.len()))
             }

@@ -34,7 +34,7 @@ const GLOBAL: [&str; 3] = ["tick_hz", "audio_hz", "guards"];
 const BYPASSED: &str = "bypassed";
 /// Value that leaves a node as it is.
 const KEPT: &str = "kept";
-/// Origin of what knobs add, for messages.
+/// Origin of the nodes and settings that knobs add, for messages.
 const ORIGIN: &str = "the trade-off";
 
 impl Knob {

@@ -143,7 +143,7 @@ impl Results {
     }
 }
 
-/// Adds what is not there yet.
+/// Adds missing entries.
 fn add_new<T: PartialEq>(to: &mut Vec<T>, more: Vec<T>) {
     for item in more {
         if !to.contains(&item) {

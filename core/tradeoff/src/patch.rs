@@ -55,12 +55,11 @@ impl Patch {
         let found = scene.surfaces.iter().find_map(|s| Self::on(s, &scene));
         found.map(Some).ok_or_else(|| {
             Diagnostic::new(format!(
-                "no surface of this scene has room for a stroke: it needs a stiffness, a texture and \
-                 {LEAST_MM} mm of a flat face (a plane, a rectangle, a box; no relief, no sphere) \
-                 without another surface on it"
+                "no surface of this scene has room for a stroke. It needs a stiffness, a texture, and a \
+                 flat face of {LEAST_MM} mm that no other surface covers"
             ))
             .in_file(scene.source.path())
-            .help("use a graph, or a scene with a rectangle that has a texture")
+            .help("use a graph, or a scene with a plane, rectangle or box that has a texture")
         })
     }
 

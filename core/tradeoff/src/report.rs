@@ -53,7 +53,7 @@ impl Results {
             some => of(some.len(), "material", "materials"),
         };
         let mut out = format!(
-            "# What accuracy costs in time\n\n{} of {}, each over {} and {materials}. {} of them may be \
+            "# The cost of accuracy in time\n\n{} of {}, each over {} and {materials}. {} of them may be \
              chosen: they ran and {}.\n\n",
             of(self.rows.len(), "setting", "settings"),
             code(&self.tradeoff),
@@ -295,7 +295,7 @@ impl Results {
             let more = reasons.len() - MOST_LINES;
             lines.push(vec![format!("{more} more, in results.csv"), String::new()]);
         }
-        section("What cannot be chosen", table("setting; why", &[], lines))
+        section("Settings that cannot be chosen", table("setting; why", &[], lines))
     }
 
     fn method(&self) -> String {

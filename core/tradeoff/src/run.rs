@@ -136,7 +136,7 @@ impl<'a> Prepared<'a> {
         renders + self.cases.len() as u64
     }
 
-    /// Warnings: what is left out, and which strokes are shrunk.
+    /// Warnings: parts that are left out, and strokes that are shrunk.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }

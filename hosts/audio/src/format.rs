@@ -15,8 +15,8 @@ use dasp_sample::{FromSample, ToSample};
 pub(crate) trait DeviceSample:
     SizedSample + FromSample<f64> + ToSample<f32> + ToSample<f64> + Send + 'static
 {
-    /// Converts a sample with full scale 1: clips, rounds to the nearest step, and silences what is not
-    /// finite.
+    /// Converts a sample with full scale 1: clips, rounds to the nearest step, and silences values that are
+    /// not finite.
     fn from_unit(value: f32) -> Self {
         let value = if value.is_finite() { f64::from(value.clamp(-1.0, 1.0)) } else { 0.0 };
         if Self::FORMAT.is_float() {

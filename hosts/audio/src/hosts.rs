@@ -161,7 +161,7 @@ pub(crate) fn find(host: Option<&str>, device: Option<&str>, side: Side) -> Resu
     let labels = |all: Vec<&Listed>| all.iter().map(|one| one.label()).collect::<Vec<_>>().join(", ");
     let text = match (&fits[..], &there[..]) {
         ([one], _) => return Ok((*one).clone()),
-        ([_, ..], _) => format!("`{id}` could be any of {}; say which", labels(fits)),
+        ([_, ..], _) => format!("`{id}` matches several: {}; name one", labels(fits)),
         ([], all) => {
             let (side, default) = (side.name(), wanted.is_none());
             let no = if default { format!("default {side} device") } else { format!("{side} device `{id}`") };

@@ -83,7 +83,7 @@ pub struct OpenError {
     pub cause: Cause,
     /// Whether it is about the input device.
     pub input: bool,
-    /// The reason and what there is instead, for a user.
+    /// The reason and the alternatives, for a user.
     pub reason: String,
 }
 
@@ -145,7 +145,7 @@ pub(crate) fn abilities(
     })
 }
 
-/// Plans the device for this request; the error says what the device supports.
+/// Plans the device for this request; the error lists the formats that the device supports.
 pub(crate) fn plan(
     listed: &Listed,
     side: Side,

@@ -153,7 +153,7 @@ pub fn request(args: &DeviceArgs, schedule: &Schedule) -> Result<Option<Request>
         return match named.iter().find(|(_, is)| *is) {
             Some((option, _)) => Err(wrong(
                 option,
-                "this graph has nothing to do with a sound card",
+                "this graph does not use a sound card",
                 "it has no audio_out and no audio_in: leave the option out",
             )),
             None => Ok(None),

@@ -76,7 +76,7 @@ impl Kinds {
             let base = place.source.path().parent().unwrap_or(Path::new(""));
             let path =
                 find(&decl.name, base, std::env::var_os(PATH_VARIABLE)).map_err(|e| match e.path() {
-                    Some(_) => e.related(&place.source, place.span, "looked for on behalf of this"),
+                    Some(_) => e.related(&place.source, place.span, "needed by this"),
                     None => e.at(&place.source, place.span),
                 })?;
             // One that does not load is watched as well: it may be mended.

@@ -129,12 +129,12 @@ impl HandDevice for Arm {
     /// with. The parameter `device` joins them. The host gives the surface to the device's servo loop, which
     /// evaluates it at its own rate.
     fn register(&self, mut registry: Registry) -> Registry {
-        let axes = "Which of the device's axes are x, y and z here, z up: \"x,-z,y\".";
+        let axes = "The device's axes that become x, y and z (up), for example \"x,-z,y\".";
         let device = || Param::text("device", "", self.device);
         let ([input, summary], [by, usual, doc]) = (self.input, self.by);
         let input = Descriptor::new(input, summary).param(Param::text(by, usual, doc));
         let input = input.param(device()).param(Param::text("axes", self.axes, axes));
-        let input = hand(input, (Unit::NEWTON, "the force that the device renders"));
+        let input = hand(input, (Unit::NEWTON, "force that the device renders"));
         let force = Descriptor::new(self.force[0], self.force[1]).param(device());
         let force = wall(force, self.max_force_n);
         registry.add(Arc::new(NodeKind::new(input, |_| Ok(Prepared::new(PassOn(1.0))))));
@@ -161,22 +161,20 @@ impl HandDevice for Arm {
 fn wall(descriptor: Descriptor, max_force_n: f64) -> Descriptor {
     let damping = Unit::NEWTON_SECOND_PER_METRE;
     let input = |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).doc(doc);
-    let beside = "what there is beside the plane: friction, drag, pull; smoothed over 3 ms";
-    let most = "The most it pushes; the device's own limit counts too.";
-    let own = "Damping of the device itself, for the warning of a wall that it cannot render without \
-               trembling; 0 for not known.";
+    let beside = "further force: friction, drag, magnets; smoothed over 3 ms";
+    let most = "Largest force. The device's own limit applies too.";
+    let own = "Damping of the device itself; 0: unknown. With it, walls that the device cannot render stably \
+         cause a warning.";
     descriptor
         .role(Role::Force)
         .input(input("plane", 3, Unit::MILLIMETRE, "a point of the plane, such as `virtual_floor.plane`"))
-        .input(input("normal", 3, Unit::NONE, "the plane's outward normal; all 0 for no surface"))
+        .input(input("normal", 3, Unit::NONE, "outward normal of the plane; all 0: no surface"))
         .input(input("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the plane"))
-        .input(input("damping", 1, damping, "damping along the normal while in the plane").or(0.0))
+        .input(input("damping", 1, damping, "damping of the plane along its normal").or(0.0))
         .input(input("force", 3, Unit::NEWTON, beside).or(0.0))
         .param(Param::number("max_force_n", max_force_n, 0.0..=100.0, most).unit("N"))
         .param(Param::number("device_damping_ns_per_m", 0.0, 0.0..=100.0, own).unit("N s/m"))
-        .timing(
-            "the wall's own loop holds no tick of the graph: the device evaluates the plane at its own rate",
-        )
+        .timing("the device evaluates the plane at its own rate, independent of the graph's ticks")
         .resumes(Resume::Never)
         .sink()
 }

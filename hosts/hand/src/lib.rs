@@ -63,7 +63,8 @@ pub const DEVICES: &[&dyn HandDevice] = &[&osc::Osc, &openhaptics::ARM, &haply::
 
 /// Adds the node kinds of all devices, and `pointer_input`, which the live page feeds.
 pub fn register(registry: Registry) -> Registry {
-    DEVICES.iter().fold(registry.with::<node::PointerInput>(), |all, device| device.register(all))
+    let registry = registry.stage("Hand devices").with::<node::PointerInput>();
+    DEVICES.iter().fold(registry, |all, device| device.register(all))
 }
 
 /// The device of an input or force node, by the node's kind; `None` for `pointer_input`.

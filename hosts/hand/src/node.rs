@@ -2,8 +2,8 @@
 //! mouse, a finger or a pen on the live page.
 //!
 //! A node itself does no input or output: the host feeds it at every tick's own time. While the host has
-//! nothing that is new enough, the last values are held and marked: gates close, and what leads to a device
-//! fades.
+//! nothing that is new enough, the last values are held and marked: gates close, and signals to a device
+//! fade.
 
 use asperity_live::place;
 use asperity_node::{
@@ -18,20 +18,25 @@ pub(crate) fn hand(descriptor: Descriptor, (force, force_doc): (Unit, &'static s
         |name, values, unit, doc| Input::new(name, ShapeSpec::Control(values), unit).host_fed().doc(doc);
     let output = |name, values, unit, doc| Output::new(name, ShapeSpec::Control(values), unit).doc(doc);
     let ms = |name, default, range, doc| Param::number(name, default, range, doc).unit("ms");
-    let timeout = "After so long without a sample the source stalls: its values are held and marked.";
-    let delay = "How far behind the hand it is read, so that there are samples on both sides of a tick; \
-                 left out, as late as samples come.";
-    let position = "where the hand is; a wire here takes the device's place";
-    let stroke = "counts touches; wired to `velocity.stroke`, the way from one to the next is no motion";
+    let timeout = "Time without a sample after which values are held and marked invalid.";
+    let delay = "Delay behind the hand, so that each tick lies between two samples; left out, measured from \
+                 the samples.";
+    let position = "position of the hand; a wire here replaces the device";
+    let stroke = "counts strokes; connect it to `velocity.stroke`, so that a jump is no motion";
     descriptor
         .param(ms("timeout_ms", 50.0, 5.0..=10_000.0, timeout))
         .param(ms("delay_ms", 0.0, 0.0..=100.0, delay).optional())
         .role(Role::Hand)
         .input(fed("hand_position", 3, Unit::MILLIMETRE, position))
         .input(fed("hand_force", 1, force, force_doc))
-        .input(fed("hand_stroke", 1, Unit::NONE, "counts touches that do not join on to what was before"))
-        .output(output("position", 3, Unit::MILLIMETRE, "x, y, z, z up"))
-        .output(output("force", 1, Unit::NEWTON, "how hard the hand presses"))
+        .input(fed(
+            "hand_stroke",
+            1,
+            Unit::NONE,
+            "counts strokes: it changes when the stylus is put down elsewhere",
+        ))
+        .output(output("position", 3, Unit::MILLIMETRE, "stylus position x, y, z; z points up"))
+        .output(output("force", 1, Unit::NEWTON, "force with which the hand presses"))
         .output(output("stroke", 1, Unit::NONE, stroke))
         .resumes(Resume::Continue)
 }
@@ -63,13 +68,20 @@ pub(crate) struct PointerInput {
 impl Node for PointerInput {
     fn descriptor() -> Descriptor {
         let mm = |name, default, range, doc| Param::number(name, default, range, doc).unit("mm");
-        let it =
-            Descriptor::new("pointer_input", "A mouse, finger or pen on the live page: pressure is force.")
-                .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface."))
-                .param(mm("depth_mm", 6.6, 0.01..=1000.0, "How far below it the stylus is at full pressure."))
-                .param(mm("lift_mm", 2.0, 0.0..=1000.0, "How far above it the stylus is off the surface."))
-                .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure.").unit("N"));
-        hand(it, (Unit::NONE, "pressure from 0 to 1, 0 off the surface"))
+        let it = Descriptor::new(
+            "pointer_input",
+            "Reads a mouse, finger or pen on the live page. Pressure becomes force.",
+        )
+        .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface."))
+        .param(mm("depth_mm", 6.6, 0.01..=1000.0, "Depth of the stylus below the surface at full pressure."))
+        .param(mm(
+            "lift_mm",
+            2.0,
+            0.0..=1000.0,
+            "Height of the stylus above the surface while it does not touch.",
+        ))
+        .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure.").unit("N"));
+        hand(it, (Unit::NONE, "pressure from 0 to 1; 0 off the surface"))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

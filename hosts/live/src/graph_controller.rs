@@ -179,7 +179,7 @@ impl GraphController {
     /// any that replace others.
     ///
     /// # Errors
-    /// [`SwapError`] says what to do. Nothing is sent then.
+    /// [`SwapError`] names the remedy. Nothing is sent then.
     pub fn swap(
         &mut self,
         compiled: Compiled,
@@ -217,7 +217,7 @@ impl GraphController {
     /// Sets a live parameter; see [`Controller::set_parameter`].
     ///
     /// # Errors
-    /// The text says what to do; nothing is sent then.
+    /// The text names the remedy; nothing is sent then.
     pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), String> {
         self.controller.set_parameter(node, param, value)?;
         let nodes = &mut self.sent.layout.nodes;
@@ -250,8 +250,8 @@ impl GraphController {
         self.controller.collect()
     }
 
-    /// Passes on what sinks recorded since the last call, earlier graphs first. Returns how many ticks were
-    /// lost so far because nobody read them for 4 s.
+    /// Passes on the recordings of sinks since the last call, earlier graphs first. Returns how many ticks
+    /// were lost so far because nobody read them for 4 s.
     pub fn recorded(&mut self, mut take: impl FnMut(Recorded<'_>)) -> u64 {
         let mut values = Vec::new();
         for Tape { sink, graph, reader } in &mut self.tapes {

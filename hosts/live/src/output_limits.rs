@@ -30,7 +30,7 @@ struct Channel {
 pub struct Standing {
     /// Mean square of the current \[A^2\].
     pub heat: f64,
-    /// Mean square that the coil bears for ever \[A^2\].
+    /// Mean square that the coil bears continuously \[A^2\].
     pub rating: f64,
     /// Time constant with which it cools \[s\].
     pub cools_in: f64,

@@ -194,7 +194,7 @@ impl Show<'_> {
         }
     }
 
-    /// Sends what is new, as far as the page keeps up.
+    /// Sends new values, as far as the page keeps up.
     async fn catch_up(&mut self) -> Result<(), Leave> {
         let news = self.shared.feed.after(self.layouts, self.seen);
         if let Some((layout, count)) = news.layout {

@@ -6,8 +6,8 @@
 //!
 //! Only programs on this machine that know the token in the address are served. `Host` must be the loopback
 //! address or `localhost` with our port: a foreign name that resolves to this machine is refused. `Origin`,
-//! where a request has one, must be this page. The page loads nothing from elsewhere, and the browser is
-//! told so.
+//! where a request has one, must be this page. The page loads nothing from elsewhere, and forbids the
+//! browser to do so.
 //!
 //! The cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages,
 //! [`AHEAD`] views on the way to each, and messages of [`MESSAGE`] bytes at a limited rate. A page that

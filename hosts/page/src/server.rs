@@ -71,7 +71,7 @@ pub struct Page {
 /// Serves the page on 127.0.0.1, on a thread of its own, until the [`Page`] is dropped.
 ///
 /// Pages show `feed`. Every page holds `run_control`: mute and stop act at once. Other requests are checked
-/// against the layout and wait in `run_control`; when these are full, the page is told to try again.
+/// against the layout and wait in `run_control`; when these are full, the page must try again.
 ///
 /// `pointer` takes the samples of the hand: x to the right and y away from the person, in mm from the
 /// middle of the surface, z 0, pressure from 0 to 1 as force. It is `None` while the graph has no pointer.

@@ -30,7 +30,7 @@ pub(crate) enum Command {
     Pattern(FindPatterns),
 }
 
-/// A trained model, and what it was made of.
+/// A trained model, and its data and settings.
 #[derive(Args, Clone, Debug)]
 pub(crate) struct Trained {
     /// Folder of the model.

@@ -107,7 +107,7 @@ network for the other target is that of the first training.
         },
         error = match settings.error {
             Aim::Euclidean => "in m/s^2",
-            Aim::Relative => "in parts of what such a touch of the material comes to",
+            Aim::Relative => "relative to the level of such a touch of the material",
         },
         naming = settings.naming_steps,
         weight = settings.naming_weight,
@@ -201,8 +201,8 @@ fn names(naming: &Naming) -> String {
     row("chance", Some(1.0 / naming.classes.max(1) as f64));
     if !naming.worst.is_empty() {
         text.push_str(
-            "\nNamed worst, and what they are taken for most often:\n\n| material | rightly | \
-        taken for |\n|---|---|---|\n",
+            "\nNamed worst, with the name that they get most often:\n\n| material | right | taken for \
+             |\n|---|---|---|\n",
         );
         text +=
             &lines(naming.worst.iter().map(|(name, part, other)| [cell(name), percent(*part), cell(other)]));

@@ -15,7 +15,7 @@ impl Node for ActuatorInverse {
         let s = InverseSettings::default();
         Descriptor::new(
             "actuator_inverse",
-            "Feed-forward inverse of a voice coil on a handle: acceleration to current or voltage.",
+            "Feed-forward inverse of a voice coil on a handle: turns acceleration into current or voltage.",
         )
         .role(Role::ActuatorInverse)
         .input(Input::new(
@@ -23,20 +23,21 @@ impl Node for ActuatorInverse {
             ShapeSpec::Audio(RateSpec::Of('r')),
             Unit::METRE_PER_SECOND_SQUARED,
         ))
-        .doc("what the handle is to do")
+        .doc("wanted acceleration of the handle")
         .output(Output::new("drive", ShapeSpec::Audio(RateSpec::Of('r')), Unit::AMPERE))
-        .doc("coil current, or voltage")
+        .doc("current or voltage of the coil")
         .param(profile)
         .param(handle)
-        .param(choice("drive", &["current", "voltage"]).doc("What the amplifier puts out."))
+        .param(choice("drive", &["current", "voltage"]).doc("Output of the amplifier: current or voltage."))
         .param(number("corner_hz", s.corner_hz, 5.0..=60.0, "Hz"))
-        .doc("Corner of the high-pass that inverse and actuator make.")
+        .doc("Corner of the high-pass that inverse and actuator form together.")
         .param(number("corner_damping", s.corner_damping, 0.3..=2.0, ""))
         .doc("Damping ratio of that high-pass.")
         .param(choice("model", &["full", "no_inductance", "no_emf", "mass"]).doc(
-            "What of the actuator is inverted. `full`: all. `no_inductance`: a voltage's coil without L. \
-             `no_emf`: the coil as its resistance alone. `mass`: a constant, right above resonance, with no \
-             corner: `corner_hz` and `corner_damping` are not used. The first three are one under a current.",
+            "Model of the actuator that is inverted. `full`: the whole model. `no_inductance`: without \
+             the coil's inductance. `no_emf`: the coil as a resistance only. `mass`: a constant factor, \
+             right above resonance; it does not use `corner_hz` and `corner_damping`. With `drive: \
+             current` the first three are the same.",
         ))
     }
 

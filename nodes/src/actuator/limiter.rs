@@ -23,19 +23,19 @@ impl Node for Limiter {
         let s = LimiterSettings::default();
         Descriptor::new(
             "limiter",
-            "Holds current or voltage to what the actuator stands: finite, peak, slew, heat, stroke, DC.",
+            "Keeps current or voltage within the actuator's limits: peak, slew rate, heat, stroke, DC.",
         )
         .role(Role::Limiter)
-        .input(drive(RateSpec::Of('r')).doc("what is asked of the coil"))
-        .output(audio_out("out").limited().doc("what the coil gets"))
+        .input(drive(RateSpec::Of('r')).doc("wanted current or voltage"))
+        .output(audio_out("out").limited().doc("limited current or voltage"))
         .param(profile)
         .param(handle)
         .param(number("dc_corner_hz", s.dc_corner_hz, 0.5..=20.0, "Hz").live())
-        .doc("Corner of the DC removal.")
+        .doc("Corner of the high-pass that removes DC.")
         .param(number("slew_hz", s.slew_hz, 500.0..=20_000.0, "Hz"))
-        .doc("A sine at the peak is not held back up to here.")
+        .doc("Highest frequency at which a full-scale sine is not limited in slew rate.")
         .param(number("release_ms", s.release_s * 1e3, 10.0..=5000.0, "ms").live())
-        .doc("How fast the gain comes back after limiting.")
+        .doc("Time in which the gain recovers after limiting.")
         .resumes(Resume::Never)
     }
 

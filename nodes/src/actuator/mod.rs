@@ -15,8 +15,9 @@ use asperity_diagnostics::Place;
 fn profile_params() -> [Param; 2] {
     [
         text("profile", "hapcoil_one")
-            .doc("The actuator: a shipped profile's name, or a RON file relative to the graph file."),
-        number("handle_mass_g", 100.0, 1.0..=10_000.0, "g").doc("Mass of what the actuator is mounted on."),
+            .doc("Actuator: name of a shipped profile, or a RON file relative to the graph file."),
+        number("handle_mass_g", 100.0, 1.0..=10_000.0, "g")
+            .doc("Mass of the handle that the actuator is mounted on."),
     ]
 }
 

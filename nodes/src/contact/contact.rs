@@ -28,16 +28,16 @@ macro_rules! all {
 }
 
 const PORTS: &[Port] = &[
-    Port("force", 1, N, "normal force by Hooke's law, 0 in the air", one!(force_n)),
-    Port("depth", 1, MM, "penetration, 0 in the air", one!(depth_mm)),
+    Port("force", 1, N, "normal force by Hooke's law; 0 in the air", one!(force_n)),
+    Port("depth", 1, MM, "penetration depth; 0 in the air", one!(depth_mm)),
     Port(
         "plane",
         3,
         MM,
-        "a point of the plane that touches the surface, for a device that pushes back by itself",
+        "a point of the tangent plane, for a device that renders it in its own loop",
         all!(plane_mm),
     ),
-    Port("normal", 3, ONE, "that plane's outward normal; 0 where there is no surface", all!(normal)),
+    Port("normal", 3, ONE, "outward normal of that plane; 0 without a surface", all!(normal)),
     Port("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE, "stiffness of the surface", one!(stiffness_n_per_mm)),
     Port(
         "damping",
@@ -46,56 +46,49 @@ const PORTS: &[Port] = &[
         "damping of the surface along its normal",
         one!(damping_ns_per_m),
     ),
-    Port("push", 3, N, "force of the wall with its damping, never a pull", all!(push_n)),
-    Port("tangents", 6, ONE, "two directions along the surface, of length 1", |state, to| {
+    Port("push", 3, N, "force of the wall with damping; it never pulls", all!(push_n)),
+    Port("tangents", 6, ONE, "two unit vectors along the surface", |state, to| {
         to.copy_from_slice(state.tangents.as_flattened());
     }),
-    Port("place", 3, MM, "where along these the stylus is, and how high over the surface", all!(place_mm)),
-    Port("velocity", 2, MM_S, "along these, behind the low-pass: for textures", all!(velocity_mm_s)),
-    Port("speed", 1, MM_S, "its length", one!(speed_mm_s)),
-    Port("slide", 2, MM_S, "along these, without the low-pass: for friction", all!(slide_mm_s)),
-    Port("surface", 1, ONE, "number of the wall in the scene, from 0; -1 in the air", one!(surface)),
-    Port(
-        "volume",
-        1,
-        ONE,
-        "number of the volume, a surface that does not push back; -1 outside of all",
-        one!(volume),
-    ),
+    Port("place", 3, MM, "stylus position along `tangents`, then height over the surface", all!(place_mm)),
+    Port("velocity", 2, MM_S, "filtered velocity along `tangents`, for textures", all!(velocity_mm_s)),
+    Port("speed", 1, MM_S, "length of `velocity`", one!(speed_mm_s)),
+    Port("slide", 2, MM_S, "unfiltered velocity along `tangents`, for friction", all!(slide_mm_s)),
+    Port("surface", 1, ONE, "index of the touched wall in the scene, from 0; -1 in the air", one!(surface)),
+    Port("volume", 1, ONE, "index of the volume around the stylus; -1 if there is none", one!(volume)),
     Port(
         "approach",
         1,
         MM_S,
-        "speed at which a wall was reached in this tick from the air, else 0",
+        "approach speed in the tick in which contact begins, else 0",
         one!(approach_mm_s),
     ),
-    Port("moment", 1, ONE, "when in the tick that was, 0 to 1", one!(moment)),
-    Port("material", 1, ONE, "material of the network", one!(material)),
+    Port("moment", 1, ONE, "time of that contact within its tick, 0 to 1", one!(moment)),
+    Port("material", 1, ONE, "index of the network's material", one!(material)),
     Port("material_level", 1, ONE, "level of that material, 0 to 1", one!(network)),
-    Port("level_a", 1, ONE, "level of the first voice of textures, 0 to 1", one!(voices[0].level)),
-    Port("place_a", 2, MM, "where the stylus is on that voice's surface", all!(voices[0].place_mm)),
-    Port("stroke_a", 1, ONE, "another number: that voice is of another surface", one!(voices[0].stroke)),
-    Port("level_b", 1, ONE, "the same of the second voice", one!(voices[1].level)),
-    Port("place_b", 2, MM, "where the stylus is on its surface", all!(voices[1].place_mm)),
-    Port("stroke_b", 1, ONE, "another number: it is of another surface", one!(voices[1].stroke)),
+    Port("level_a", 1, ONE, "level of texture voice a, 0 to 1", one!(voices[0].level)),
+    Port("place_a", 2, MM, "stylus position on the surface of voice a", all!(voices[0].place_mm)),
+    Port("stroke_a", 1, ONE, "changes when voice a changes its surface", one!(voices[0].stroke)),
+    Port("level_b", 1, ONE, "level of texture voice b, 0 to 1", one!(voices[1].level)),
+    Port("place_b", 2, MM, "stylus position on the surface of voice b", all!(voices[1].place_mm)),
+    Port("stroke_b", 1, ONE, "changes when voice b changes its surface", one!(voices[1].stroke)),
 ];
 
 /// The lists of effects, by where they act.
 const LISTS: [(&str, &str); 4] = [
     (
         "touching",
-        "Effects that act while a wall is touched: for each NAME an output `NAME_slot`; -1 is none, as for \
-         all slots.",
+        "Effects that act while a wall is touched. Each NAME adds an output `NAME_slot`. -1 means no slot.",
     ),
-    ("inside", "Effects that act inside of volumes too: for each NAME an output `NAME_slot`."),
+    ("inside", "Effects that also act inside volumes. Each NAME adds an output `NAME_slot`."),
     (
         "near",
-        "Effects that act from both sides of a surface within a reach: for each NAME the outputs \
-         `NAME_slot`, `NAME_distance` (below 0 inside) and `NAME_normal`.",
+        "Effects that act from both sides of a surface. Each NAME adds the outputs `NAME_slot`, \
+         `NAME_distance` (below 0 inside) and `NAME_normal`.",
     ),
     (
         "textures",
-        "Textures, but for those by the network: for each NAME the outputs `NAME_slot_a` and `NAME_slot_b`.",
+        "Textures other than the network. Each NAME adds the outputs `NAME_slot_a` and `NAME_slot_b`.",
     ),
 ];
 
@@ -128,45 +121,42 @@ impl Node for Contact {
         };
         let it = Descriptor::new(
             "contact",
-            "Which surface of a scene a stylus touches, where and how; what each effect is to do about it.",
+            "Finds the surface of a scene that the stylus touches, and tells each effect what to render.",
         )
         .role(Role::Contact)
-        .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
-        .input(velocity("velocity", "behind a low-pass, as `velocity.spatial`"))
-        .input(velocity("unfiltered", "without, as `velocity.unfiltered`"))
+        .input(control("position", 3, MM).doc("stylus position x, y, z; z points up"))
+        .input(velocity("velocity", "filtered velocity, from `velocity.spatial`"))
+        .input(velocity("unfiltered", "unfiltered velocity, from `velocity.unfiltered`"))
         .input(control("stroke", 1, ONE).or(0.0))
-        .doc("another number: the stylus was put down elsewhere, and came there on no way");
+        .doc("counts strokes; when it changes, the jump to the new position is no motion");
         PORTS
             .iter()
             .fold(it, |it, Port(name, count, unit, doc, _)| {
                 it.output(Output::new(*name, ShapeSpec::Control(*count), unit.clone()).doc(*doc))
             })
-            .param(file("scene").doc(
-                "RON: a scene, of which the surfaces count, and which of them share settings of an effect \
-                 (slots).",
-            ))
+            .param(file("scene").doc("Scene file. Only its surfaces and their slots are used."))
             .param(texts(LISTS[0].0).doc(LISTS[0].1))
             .param(texts(LISTS[1].0).doc(LISTS[1].1))
             .param(texts(LISTS[2].0).doc(LISTS[2].1))
             .param(texts(LISTS[3].0).doc(LISTS[3].1))
             .param(text("slots", "").doc(
-                "What the lists of the effects' nodes were made of: with another scene, whose slots differ, \
-                 the graph is refused; left out, anything goes.",
+                "Checksum of the slots in the effects' lists. A scene with other slots is refused. Empty: \
+                 no check.",
             ))
-            .param(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("The most a surface pushes."))
+            .param(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("Largest force of a surface."))
             .param(number("crossfade_ms", 20.0, 0.1..=1000.0, "ms"))
-            .doc("How long textures of one surface take to go over into another's.")
+            .doc("Duration of the crossfade from one surface's textures to the next.")
             .param(number("hold_ms", 20.0, 0.0..=10_000.0, "ms"))
-            .doc("How long a surface's textures stay in the air, for a gate to fade them out.")
+            .doc("Time for which textures continue after contact ends, so that a gate can fade them.")
             .param(number("anticipate_mm", 0.0, 0.0..=100.0, "mm").doc(
-                "From how far the plane of a surface is told of that is not yet touched, for a device with a \
-                 loop of its own.",
+                "Distance from which `plane` describes a surface before contact. Use it for a device with \
+                 its own loop.",
             ))
-            .param(number("put_down_mm_s", 100.0, 0.0..=10_000.0, "mm/s").doc(
-                "Speed at which a wall counts as reached by a stylus that was put down on it from elsewhere; \
-                 0 for no tap.",
-            ))
-            .timing("no latency; a tap shows in the tick in which the wall is reached")
+            .param(
+                number("put_down_mm_s", 100.0, 0.0..=10_000.0, "mm/s")
+                    .doc("Approach speed of a stylus that is put down on a wall. 0: no tap."),
+            )
+            .timing("no latency")
             .resumes(Resume::Never)
     }
 

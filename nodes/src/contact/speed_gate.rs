@@ -30,22 +30,25 @@ impl Node for SpeedGate {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "speed_gate",
-            "Silence while the stylus rests or is off the surface, with hysteresis and a fade.",
+            "Mutes audio while the stylus rests or is off the surface, with hysteresis and a fade.",
         )
-        .input(audio("in").doc("what is gated"))
+        .input(audio("in").doc("audio to gate"))
         .input(control("speed", 1, MM_S).doc("speed along the surface"))
         .input(control("force", 1, N).or(1e3))
-        .doc("normal force; unconnected, the stylus counts as on the surface")
-        .output(audio_out("out").doc("what gets through"))
-        .output(control_out("active", 1, ONE).doc("1 while open or fading, else 0"))
-        .param(number("speed_mm_s", 5.0, 0.0..=1000.0, "mm/s").live().doc("The gate opens at this speed."))
+        .doc("normal force; if unconnected, the stylus counts as touching")
+        .output(audio_out("out").doc("gated audio"))
+        .output(control_out("active", 1, ONE).doc("1 while the gate is open or fades, else 0"))
+        .param(number("speed_mm_s", 5.0, 0.0..=1000.0, "mm/s").live().doc("The gate opens above this speed."))
         .param(number("force_n", 0.02, 0.0..=100.0, "N").live())
-        .doc("The stylus is on the surface from this force on.")
+        .doc("The gate opens above this normal force.")
         .param(number("hysteresis", 0.4, 0.0..=1.0, "").live())
-        .doc("The gate closes at this part of speed and force.")
-        .param(number("fade_ms", 10.0, 0.1..=1000.0, "ms").doc("How long it takes to open or close."))
+        .doc("The gate closes below this fraction of `speed_mm_s` and `force_n`.")
+        .param(
+            number("fade_ms", 10.0, 0.1..=1000.0, "ms")
+                .doc("Duration of the fade when the gate opens or closes."),
+        )
         .gates("in")
-        .timing("opens and closes over `fade_ms`")
+        .timing("no latency; the gate opens and closes over `fade_ms`")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -15,24 +15,29 @@ impl Node for VirtualFloor {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "virtual_floor",
-            "A horizontal plane: normal force by Hooke's law, clamped to the device's.",
+            "Computes the normal force of a horizontal plane by Hooke's law, up to a limit.",
         )
-        .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
-        .output(control_out("force", 1, N).doc("normal force, upwards, 0 off it"))
-        .output(control_out("depth", 1, MM).doc("penetration, 0 off it"))
+        .input(control("position", 3, MM).doc("stylus position x, y, z; z points up"))
+        .output(control_out("force", 1, N).doc("normal force, upwards; 0 above the plane"))
+        .output(control_out("depth", 1, MM).doc("penetration depth; 0 above the plane"))
         .output(control_out("plane", 3, MM))
-        .doc("a point of the plane, for a device that pushes back by itself")
-        .output(control_out("normal", 3, ONE).doc("the plane's outward normal"))
+        .doc("a point of the plane, for a device that renders it in its own loop")
+        .output(control_out("normal", 3, ONE).doc("outward normal of the plane"))
         .output(control_out("stiffness", 1, Unit::NEWTON_PER_MILLIMETRE).doc("stiffness of the plane"))
         .output(control_out("damping", 1, Unit::NEWTON_SECOND_PER_METRE))
         .doc("damping of the plane along its normal")
         .param(number("stiffness_n_per_mm", 0.5, 0.0..=100.0, "N/mm").live().doc("Stiffness of the plane."))
-        .param(number("max_force_n", 3.3, 0.0..=100.0, "N").live().doc("The most the device can push."))
+        .param(
+            number("max_force_n", 3.3, 0.0..=100.0, "N")
+                .live()
+                .doc("Largest force that the device can render."),
+        )
         .param(number("height_mm", 0.0, -1000.0..=1000.0, "mm").live().doc("Height of the plane."))
-        .param(number("damping_ns_per_m", 0.0, 0.0..=100.0, "N s/m").live().doc(
-            "Damping that a device adds in its own loop; `force`, which the texture follows, is Hooke's \
-             alone.",
-        ))
+        .param(
+            number("damping_ns_per_m", 0.0, 0.0..=100.0, "N s/m")
+                .live()
+                .doc("Damping that a device adds in its own loop. The output `force` does not contain it."),
+        )
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

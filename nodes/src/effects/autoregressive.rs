@@ -18,7 +18,7 @@ const FLAT_HZ: f64 = 450.0;
 /// moment's speed and force.
 ///
 /// The noise depends only on the node's seed and the sample's number. So does the position of every sample
-/// between those of the model. So the output after a wake does not depend on what was before. A slot that
+/// between those of the model. So the output after a wake does not depend on the time before. A slot that
 /// comes on begins in silence.
 pub struct Autoregressive {
     models: Voices<Model>,
@@ -113,19 +113,20 @@ impl Node for Autoregressive {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "autoregressive",
-            "Textures of autoregressive models, by speed and force: noise through the filter of the moment.",
+            "Renders textures of autoregressive models: noise through a filter that follows speed and \
+             force.",
         )
-        .input(slot("which of `models`, from 0; below 0 none sounds"))
-        .input(control("speed", 1, MM_S).doc("along the surface; at 0 what sounds dies away"))
-        .input(control("force", 1, N).doc("normal force; at 0 what sounds dies away"))
-        .output(acceleration().doc("the vibration of gliding"))
-        .timing("the delay of the filter that brings the models' rate to the audio rate, as short as can be")
+        .input(slot("index into `models`, from 0; below 0: silent"))
+        .input(control("speed", 1, MM_S).doc("speed along the surface; at 0 the texture decays"))
+        .input(control("force", 1, N).doc("normal force; at 0 the texture decays"))
+        .output(acceleration().doc("texture vibration"))
+        .timing("latency of the resampling filter from the model's rate to the audio rate")
         .resumes(Resume::Restart)
         .renders(
             Effect::new("models", Acts::Gliding)
                 .form(
                     Form::new("", "autoregressive(model: \"FILE.ron\")")
-                        .field(file("model").doc("RON or the toolkit's XML"))
+                        .field(file("model").doc("model file: RON, or XML of the HaTT toolkit"))
                         .field(gain()),
                 )
                 .needs("speed", "speed")

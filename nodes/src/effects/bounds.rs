@@ -9,7 +9,7 @@ pub(super) fn check(what: &str, found: f64, (from, to): (f64, f64), unit: &str) 
         return Ok(found);
     }
     let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-    Err(format!("{what} of {found}{unit} does not fit; from {from} to {to}{unit} does"))
+    Err(format!("{what} of {found}{unit} is out of range; allowed is {from} to {to}{unit}"))
 }
 
 /// Checks that a list has an allowed length and that all its values are finite.

@@ -46,14 +46,14 @@ impl Node for ForceLimiter {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "force_limiter",
-            "Holds a force to what a device may be asked: length, change, trust.",
+            "Limits a force in size and rate of change, and removes it when its inputs are invalid.",
         )
-        .input(control("force", 3, N).doc("what the effects add up to, x, y, z"))
-        .output(control_out("force", 3, N).limited().doc("what the device gets, in the same direction"))
-        .param(number("max_force_n", 3.3, 0.0..=100.0, "N").live().doc("The greatest length of the force."))
+        .input(control("force", 3, N).doc("sum of the effects' forces, x, y, z"))
+        .output(control_out("force", 3, N).limited().doc("limited force, in the same direction"))
+        .param(number("max_force_n", 3.3, 0.0..=100.0, "N").live().doc("Largest force."))
         .param(number("slew_n_per_s", 0.0, 0.0..=1e4, "N/s").live())
-        .doc("The greatest change of the force; 0 for any.")
-        .timing("no latency; a force that is no longer to be trusted is gone after 20 ms")
+        .doc("Largest change of the force per second; 0 turns this limit off.")
+        .timing("no latency; an invalid force fades out in 20 ms")
         .resumes(Resume::Never)
     }
 

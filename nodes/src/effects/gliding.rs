@@ -38,17 +38,17 @@ pub(super) fn descriptor(
 ) -> Descriptor {
     Descriptor::new(kind, summary)
         .input(slot(slot_doc))
-        .input(control("place", 2, MM).doc("of the stylus along the surface"))
+        .input(control("place", 2, MM).doc("stylus position along the surface"))
         .input(control("stroke", 1, ONE).or(0.0))
-        .doc("another number: the stylus was put down elsewhere, and what lies between is no motion")
-        .output(acceleration().doc("the vibration of gliding"))
+        .doc("counts strokes; when it changes, the jump to the new position is no motion")
+        .output(acceleration().doc("texture vibration"))
         .param(number("smooth_hz", 0.0, 0.0..=1000.0, "Hz").doc(
-            "Cutoff of a low-pass of second order for places, such as 20 for a device that tells them in \
-             coarse steps; 0 for none.",
+            "Corner of a second-order low-pass on positions; 0 turns it off. Use about 20 Hz for a device \
+             with coarse position steps.",
         ))
         .timing(
-            "a tick and a half less a sample; silent in the first tick after it wakes, which has no speed \
-             yet, and faded in over the second; smoothing at 20 Hz adds 11 ms",
+            "latency of 1.5 ticks minus a sample; after waking, silent for a tick, then a fade of a tick; \
+             `smooth_hz: 20` adds 11 ms",
         )
         .resumes(Resume::Restart)
         .renders(effect.needs("place", "place").needs("stroke", "stroke"))

@@ -33,18 +33,15 @@ impl Level {
 
 impl Node for Level {
     fn descriptor() -> Descriptor {
-        Descriptor::new(
-            "level",
-            "Lets audio through at a level, and lets what makes it sleep while that is 0.",
-        )
-        .input(audio("in").doc("what is let through"))
-        .input(control("level", 1, ONE).or(1.0))
-        .doc("the level, held to 0 and 1; it is reached in a straight line by the end of the tick")
-        .input(control("slot", 1, ONE).or(0.0))
-        .doc("below 0 nothing is let through, and the next level begins at 0")
-        .output(audio_out("out").doc("what gets through"))
-        .gates("in")
-        .timing("no latency: a level is reached at the end of its tick")
+        Descriptor::new("level", "Multiplies audio by a level. Nodes before it sleep while the level is 0.")
+            .input(audio("in").doc("audio to scale"))
+            .input(control("level", 1, ONE).or(1.0))
+            .doc("level from 0 to 1; a change is a linear ramp over the tick")
+            .input(control("slot", 1, ONE).or(0.0))
+            .doc("below 0: silent, and the next level starts from 0")
+            .output(audio_out("out").doc("scaled audio"))
+            .gates("in")
+            .timing("no latency; a level is reached at the end of its tick")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

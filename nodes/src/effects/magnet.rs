@@ -74,28 +74,28 @@ pub struct Magnet;
 
 impl Node for Magnet {
     fn descriptor() -> Descriptor {
-        Descriptor::new("magnet", "Pulls the stylus to a surface, from both sides, within a reach.")
-            .input(slot("which of `magnets`, from 0; below 0 none pulls").wakes())
-            .input(control("distance", 1, MM).doc("from the surface, above 0 outside"))
+        Descriptor::new("magnet", "Pulls the stylus towards a surface from both sides, within a reach.")
+            .input(slot("index into `magnets`, from 0; below 0: no force").wakes())
+            .input(control("distance", 1, MM).doc("distance from the surface; above 0 outside"))
             .input(control("normal", 3, ONE).or(0.0))
-            .doc("the surface's outward normal, of length 1; unconnected, z")
-            .output(super::force("force on the stylus, x, y, z"))
+            .doc("outward unit normal of the surface; if unconnected, z")
+            .output(super::force("pull on the stylus, x, y, z"))
             .renders(
                 Effect::new("magnets", Acts::Near)
                     .form(
                         Form::new("", "(stiffness_n_per_mm: 0.2, max_force_n: 0.5, reach_mm: 4)")
                             .field(number("stiffness_n_per_mm", 0.0, 0.0..=100.0, "N/mm").required())
-                            .doc("at the surface")
+                            .doc("stiffness at the surface")
                             .field(number("max_force_n", 0.0, 0.0..=1000.0, "N").required())
-                            .doc("the largest force")
+                            .doc("largest force")
                             .field(number("reach_mm", 1.0, 1e-3..=1000.0, "mm").required())
-                            .doc("how far it pulls"),
+                            .doc("distance up to which it pulls"),
                     )
                     .needs("distance", "distance")
                     .needs("normal", "normal")
                     .law(Direction::Normal, |settings, _| read(settings).law()),
             )
-            .timing("no latency; not called while none pulls")
+            .timing("no latency; sleeps while out of reach")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

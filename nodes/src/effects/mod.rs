@@ -9,8 +9,6 @@
 
 mod autoregressive;
 mod bounds;
-#[cfg(test)]
-mod docs_tests;
 mod force_limiter;
 mod friction;
 mod gliding;
@@ -71,8 +69,11 @@ impl Renders for Descriptor {
         let texture = effect.acts == Acts::Gliding;
         let key = if texture { "texture" } else { self.kind.as_ref() };
         let example = effect.forms.first().map_or("", |form| form.example.as_ref());
-        let sum = if texture { " A list of textures is one slot, and sounds as their sum." } else { "" };
-        let doc = format!("A text for each slot, as behind `{key}` in a scene: r#\"{example}\"#.{sum}");
+        let sum = if texture { " A list of textures in one entry sounds as their sum." } else { "" };
+        let doc = format!(
+            "Settings of each slot. An entry is written as after `{key}` in a scene, for example \
+             r#\"{example}\"#.{sum}"
+        );
         let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
         self.param(list).effect(effect)
     }
@@ -128,7 +129,7 @@ impl<S: Send> Processor for Force<S> {
     }
 }
 
-/// Things that take time or memory to make, by what they are made of.
+/// Things that take time or memory to make, by their sources.
 type Made<T> = HashMap<String, Arc<T>>;
 
 /// Returns the thing of a name; makes it if there is none yet.
@@ -161,7 +162,7 @@ fn one_each<T>(
     let one = |slot: &Vec<Settings>| match &slot[..] {
         [one] => make(one),
         [] => Err(setup.params.node_error("an empty slot")),
-        [_, second, ..] => Err(second.node_error("one setting is wanted here")),
+        [_, second, ..] => Err(second.node_error("expected one setting")),
     };
     setup.params.slots().iter().map(one).collect()
 }
@@ -236,5 +237,5 @@ fn made<T>(settings: &Settings, made: Result<T, String>) -> Result<T, Diagnostic
 
 /// The field `gain` of textures.
 fn gain() -> Param {
-    number("gain", 1.0, 0.0..=100.0, "").doc("factor of the acceleration")
+    number("gain", 1.0, 0.0..=100.0, "").doc("factor on the acceleration")
 }

@@ -36,7 +36,8 @@ impl Path {
     }
 
     /// Goes on to the position of the stylus now. Call it once a tick. A path begins with the constant
-    /// velocity that is told; later ones do not count. A position that is not finite counts as the last one.
+    /// velocity that is given; later ones do not count. A position that is not finite counts as the last
+    /// one.
     pub(crate) fn advance(&mut self, position_mm: [f64; 2], begins_mm_s: [f64; 2]) {
         let position = match self.last {
             Some([last, _]) if !position_mm.iter().all(|x| x.is_finite()) => last,

@@ -78,22 +78,22 @@ impl Node for Vibration {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "vibration",
-            "A sine of a fixed frequency while a surface is touched, faded from one surface to the next.",
+            "Renders a sine of fixed frequency while a surface is touched, with fades between surfaces.",
         )
-        .input(slot("which of `sources`, from 0; below 0 none sounds").wakes())
-        .output(acceleration().doc("the sine"))
+        .input(slot("index into `sources`, from 0; below 0: silent").wakes())
+        .output(acceleration().doc("sine"))
         .param(number("fade_ms", 20.0, 0.1..=1000.0, "ms"))
-        .doc("How long a source takes to fade in or out, in a straight line.")
+        .doc("Duration of the linear fade of a source, in or out.")
         .renders(
             Effect::new("sources", Acts::Inside).form(
                 Form::new("", "(frequency_hz: 120, amplitude_m_s2: 2)")
                     .field(number("frequency_hz", 0.0, 0.01..=21_600.0, "Hz").required())
-                    .doc("up to 0.45 of the audio rate")
+                    .doc("frequency, at most 0.45 of the audio rate")
                     .field(number("amplitude_m_s2", 0.0, 0.0..=1000.0, "m/s^2").required())
                     .doc("amplitude of the sine"),
             ),
         )
-        .timing("fades over `fade_ms`; not called while nothing sounds")
+        .timing("no latency; fades over `fade_ms`, and sleeps while silent")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

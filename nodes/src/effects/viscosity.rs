@@ -43,26 +43,23 @@ pub struct Viscosity;
 
 impl Node for Viscosity {
     fn descriptor() -> Descriptor {
-        Descriptor::new(
-            "viscosity",
-            "Drag: a force against the velocity, by the volume that the stylus is in.",
-        )
-        .input(slot("which of `drags`, from 0; below 0 the stylus is in none").wakes())
-        .input(control("velocity", 3, MM_S))
-        .doc("x, y, z, as it is: behind a low-pass drag drives what it should brake")
-        .output(super::force("force on the stylus, x, y, z"))
-        .renders(
-            Effect::new("drags", Acts::Inside)
-                .form(
-                    Form::new("", "(viscosity_ns_per_m: 2, max_force_n: 1.5)")
-                        .field(number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m").required())
-                        .doc("force per speed")
-                        .field(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("the largest force")),
-                )
-                .needs("velocity", "unfiltered")
-                .law(Direction::Any, |settings, _| read(settings).law()),
-        )
-        .timing("no latency; not called while the stylus is in none")
+        Descriptor::new("viscosity", "Renders drag: a force against the velocity inside a volume.")
+            .input(slot("index into `drags`, from 0; below 0: no force").wakes())
+            .input(control("velocity", 3, MM_S))
+            .doc("unfiltered velocity x, y, z; filtered velocity would make drag unstable")
+            .output(super::force("drag on the stylus, x, y, z"))
+            .renders(
+                Effect::new("drags", Acts::Inside)
+                    .form(
+                        Form::new("", "(viscosity_ns_per_m: 2, max_force_n: 1.5)")
+                            .field(number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m").required())
+                            .doc("force divided by speed")
+                            .field(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("largest force")),
+                    )
+                    .needs("velocity", "unfiltered")
+                    .law(Direction::Any, |settings, _| read(settings).law()),
+            )
+            .timing("no latency; sleeps while the stylus is in no volume")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -12,7 +12,7 @@ pub(super) trait Voice: Clone {
     fn state(&mut self, state: &mut State<'_>);
 }
 
-/// The voices of every slot. Those of a slot that comes on start anew, so that nothing depends on what was
+/// The voices of every slot. Those of a slot that comes on start anew, so that nothing depends on the time
 /// before.
 pub(super) struct Voices<V> {
     slots: Vec<Vec<V>>,

@@ -13,29 +13,37 @@ impl Node for Stroke {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "stroke",
-            "Makes a stroke: zigzag, circle or line, with tremor, approach and lift-off.",
+            "Generates a stroke: a zigzag, circle or line, with approach, lift-off and tremor.",
         )
         .role(Role::Stroke)
-        .output(control_out("position", 3, MM).doc("x, y, z, z up"))
+        .output(control_out("position", 3, MM).doc("stylus position x, y, z; z points up"))
         .param(choice("shape", &["zigzag", "circle", "line"]))
-        .doc("The path on the surface; its turns are minimum-jerk movements.")
-        .param(number("extent_mm", 80.0, 0.1..=1000.0, "mm").doc("Length along x, or diameter."))
-        .param(number("speed_mm_s", 100.0, 0.1..=2000.0, "mm/s").doc("Mean speed over the path."))
+        .doc("Shape of the path. Turns are minimum-jerk movements.")
+        .param(
+            number("extent_mm", 80.0, 0.1..=1000.0, "mm")
+                .doc("Length of the path along x, or diameter of the circle."),
+        )
+        .param(number("speed_mm_s", 100.0, 0.1..=2000.0, "mm/s").doc("Mean speed along the path."))
         .param(number("force_n", 1.0, 0.0..=100.0, "N"))
-        .doc("Mean normal force on a floor of `stiffness_n_per_mm`.")
-        .param(number("force_swing", 0.3, 0.0..=1.0, "").doc("Slow change of the force, as a part of it."))
-        .param(number("force_swing_hz", 0.3, 0.0..=5.0, "Hz").doc("How often the force changes so."))
+        .doc("Mean normal force. It sets the depth below z = 0, by `stiffness_n_per_mm`.")
+        .param(
+            number("force_swing", 0.3, 0.0..=1.0, "")
+                .doc("Slow variation of the force, as a fraction of `force_n`."),
+        )
+        .param(number("force_swing_hz", 0.3, 0.0..=5.0, "Hz").doc("Frequency of that slow variation."))
         .param(number("stiffness_n_per_mm", 0.5, 0.001..=1000.0, "N/mm"))
-        .doc("Stiffness of the floor that is pressed on.")
+        .doc("Stiffness of the surface under the stylus. Use the same value in `virtual_floor`.")
         .param(number("clearance_mm", 10.0, 0.0..=1000.0, "mm"))
-        .doc("Height before approach and after lift-off.")
-        .param(number("approach_s", 0.4, 0.01..=10.0, "s").doc("Time of the approach, and of the lift-off."))
-        .param(number("duration_s", 8.0, 0.2..=1e6, "s").doc("Time from approach to lift-off."))
+        .doc("Height above the surface before the approach and after lift-off.")
+        .param(
+            number("approach_s", 0.4, 0.01..=10.0, "s").doc("Duration of the approach, and of the lift-off."),
+        )
+        .param(number("duration_s", 8.0, 0.2..=1e6, "s").doc("Duration from approach to lift-off."))
         .param(number("tremor_mm", 0.05, 0.0..=10.0, "mm"))
-        .doc("Largest displacement by a tremor of 8 to 12 Hz.")
+        .doc("Largest displacement by hand tremor, 8 to 12 Hz.")
         .param(number("quantum_mm", 0.055, 0.0..=10.0, "mm"))
-        .doc("The sensor's step, to which positions are rounded; 0 for none.")
-        .param(seed().doc("Seed of tremor and force; left out, from the graph's."))
+        .doc("Resolution of the position sensor. Positions are rounded to it; 0 turns it off.")
+        .param(seed().doc("Seed of tremor and force; left out, derived from the graph's seed."))
         .resumes(Resume::Continue)
     }
 

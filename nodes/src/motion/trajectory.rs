@@ -17,22 +17,27 @@ pub struct Trajectory {
 
 impl Node for Trajectory {
     fn descriptor() -> Descriptor {
-        Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at the tick.")
+        Descriptor::new("trajectory", "Plays a recorded stroke from a CSV file, interpolated at each tick.")
             .role(Role::Stroke)
-            .output(control_out("position", 3, MM).doc("x, y, z, z up"))
+            .output(control_out("position", 3, MM).doc("stylus position x, y, z; z points up"))
             .output(control_out("force", 1, N))
-            .doc("the recorded normal force; the file needs a force_n column")
+            .doc("recorded normal force; needs the column force_n")
             .output(control_out("speed", 1, MM_S))
-            .doc("the recorded speed; the file needs a speed_mm_s column")
+            .doc("recorded speed; needs the column speed_mm_s")
             .param(file("file").optional().doc(
-                "CSV with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; at \
-                 any rate, also irregular. Left out, a shipped zigzag.",
+                "CSV file with the stroke; left out, a shipped zigzag. Columns: t_s, x_mm, y_mm, z_mm, \
+                 and force_n and speed_mm_s if recorded. Rows may be irregular in time.",
             ))
             .param(text("axes", "x,y,z"))
-            .doc("Which of the file's axes are x, y and z here: \"x,-z,y\" for a device whose vertical is y.")
-            .param(choice("interpolation", &["cubic", "linear"]).doc("How positions between rows are found."))
+            .doc(
+                "The file's axes that become x, y and z. For a device whose vertical axis is y: \
+                 \"x,-z,y\".",
+            )
+            .param(
+                choice("interpolation", &["cubic", "linear"]).doc("Interpolation of positions between rows."),
+            )
             .param(number("max_gap_s", 0.0, 0.0..=3600.0, "s"))
-            .doc("Longest time between rows; 0 for 0.1 s or five median steps.")
+            .doc("Longest gap between rows that is accepted. 0: 0.1 s, or five median steps if longer.")
             .resumes(Resume::Continue)
     }
 

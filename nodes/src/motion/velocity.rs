@@ -37,24 +37,24 @@ impl Node for Velocity {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "velocity",
-            "Velocity and speed along the surface: finite difference and a second-order low-pass.",
+            "Computes velocity and speed from position: finite difference, then a second-order low-pass.",
         )
         .role(Role::Velocity)
-        .input(control("position", 3, MM).doc("x, y, z of the stylus, z up"))
+        .input(control("position", 3, MM).doc("stylus position x, y, z; z points up"))
         .input(control("stroke", 1, ONE).or(0.0))
-        .doc("another number: the stylus was put down elsewhere, and what lies between is no motion")
-        .output(control_out("velocity", 2, MM_S).doc("vx, vy"))
-        .output(control_out("speed", 1, MM_S).doc("planar speed, at least 0"))
-        .output(control_out("spatial", 3, MM_S).doc("vx, vy, vz"))
+        .doc("counts strokes; when it changes, the jump to the new position is no motion")
+        .output(control_out("velocity", 2, MM_S).doc("vx, vy after the low-pass"))
+        .output(control_out("speed", 1, MM_S).doc("length of `velocity`"))
+        .output(control_out("spatial", 3, MM_S).doc("vx, vy, vz after the low-pass"))
         .output(control_out("unfiltered", 3, MM_S))
-        .doc("vx, vy, vz by the difference alone, for forces, which a low-pass would make unstable")
+        .doc("vx, vy, vz without the low-pass; use it for forces, which a low-pass makes unstable")
         .param(number("cutoff_hz", 20.0, 0.0..=1000.0, "Hz"))
-        .doc("Corner of the low-pass (Butterworth) at rest; 0 for none.")
+        .doc("Corner of the low-pass (Butterworth) at rest; 0 turns it off.")
         .param(number("cutoff_hz_per_mm_s", 0.0, 0.0..=10.0, "Hz per mm/s").doc(
-            "Corner for every mm/s of fast motion, up to a tenth of the rate: calm at rest and prompt in \
-             motion.",
+            "Rise of the corner with speed. It stops at a tenth of the tick rate. So the output is calm \
+             at rest and prompt in motion.",
         ))
-        .timing("no latency; behind a corner of 20 Hz a change of speed shows 11 ms late, of 40 Hz 6 ms")
+        .timing("no latency; response lag 11 ms at a corner of 20 Hz, 6 ms at 40 Hz")
         .resumes(Resume::Never)
     }
 

@@ -16,7 +16,7 @@ pub use spectra::{PhaseVocoder, RandomPhase, Spsi};
 /// The layout of the first input's frames.
 pub(crate) fn framing(setup: &Setup<'_>) -> Result<Framing, Diagnostic> {
     let Some(Shape::Magnitude(l) | Shape::Spectrum(l)) = setup.input(0).map(|p| p.shape) else {
-        return Err(setup.params.node_error("nothing settles the layout of the frames"));
+        return Err(setup.params.node_error("the layout of the frames cannot be determined"));
     };
     Ok(Framing {
         rate_hz: l.rate_hz,

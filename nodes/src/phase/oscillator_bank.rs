@@ -20,21 +20,18 @@ impl Node for OscillatorBank {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "oscillator_bank",
-            "Oscillators whose amplitudes follow the magnitudes within one hop, with no overlap-add in the \
-             way.",
+            "Phase retrieval by oscillators whose amplitudes follow the magnitudes within one hop. Needs \
+             no overlap-add.",
         )
-        .input(magnitude().doc("what is to sound a hop later"))
+        .input(magnitude().doc("magnitudes to reach one hop later"))
         .output(signal_out())
         .param(choice("partials", &["noise", "tracked"]).doc(
-            "Noise: one wandering oscillator a bin, right in level and spectrum for smooth magnitudes. \
-             Tracked: a sinusoid a peak, phase-continuous.",
+            "Oscillators to use. `noise`: one noisy oscillator per bin, for smooth magnitudes. `tracked`: \
+             one phase-continuous sinusoid per peak.",
         ))
-        .param(seed().doc("Seed of start phases and noise; left out, from the graph's."))
+        .param(seed().doc("Seed of its random numbers; left out, derived from the graph's seed."))
         .param(precision())
-        .timing(
-            "early by half a window less one hop: a frame is reached a hop after it comes, and describes its \
-             window's centre",
-        )
+        .timing("latency minus half a window plus one hop (early); response lag one hop")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -24,29 +24,25 @@ impl Node for SampleCommit {
         let most = MAX_WORK as i64;
         Descriptor::new(
             "sample_commit",
-            "Iterative phase retrieval that freezes samples as they are emitted and improves all that \
-             follow.",
+            "Iterative phase retrieval that fixes samples as they are emitted and refines all later ones.",
         )
-        .input(magnitude().doc("what the signal's frames are to have"))
+        .input(magnitude().doc("magnitudes that the signal should have"))
         .output(signal_out())
         .param(integer("frames", s.frames as i64, 1..=most).live())
-        .doc("Frames a pass looks at: the newest, and others of those that reach beyond what is emitted.")
-        .param(integer("passes", s.passes as i64, 1..=most).live().doc("Passes for each frame that comes."))
+        .doc("Frames that a pass works on: the newest, and others that reach beyond the emitted samples.")
+        .param(integer("passes", s.passes as i64, 1..=most).live().doc("Passes per incoming frame."))
         .param(number("momentum", s.momentum, 0.0..=0.99, "").live().doc(
-            "How far a pass runs on in the direction of the one before; 2 frames of 50 a pass have 0.36 at \
-             most, 5 have all.",
+            "Momentum from one pass to the next. With 2 frames of 50 per pass at most 0.36 takes effect, \
+             with 5 all of it.",
         ))
         .param(integer("emission", i64::from(s.emission), -1000..=1000).optional().doc(
-            "Where samples are emitted, in frames from the newest one's start: negative is inside its \
-             window, early and less exact; positive looks ahead. Left out, two fifths of a window inside: \
-             -20 at 50 frames a window.",
+            "Place of the emitted samples, in hops from the start of the newest frame. Negative: inside \
+             its window, so earlier and less exact. Positive: with look-ahead. Left out: two fifths of a \
+             window inside, -20 at 50 frames per window.",
         ))
-        .param(seed().doc("Seed of what is left to chance; left out, from the graph's."))
+        .param(seed().doc("Seed of its random numbers; left out, derived from the graph's seed."))
         .param(precision())
-        .timing(
-            "latency is emission times the hop, so it is early where emission is negative; a change of level \
-             shows half a window later than that",
-        )
+        .timing("latency `emission` times the hop (negative is early); response lag half a window more")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

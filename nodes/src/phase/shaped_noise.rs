@@ -20,23 +20,20 @@ impl Node for ShapedNoise {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "shaped_noise",
-            "Noise through a filter of minimum phase that follows the magnitudes; ridges and bumps where the \
-             hand's place is known.",
+            "Noise through a minimum-phase filter that follows the magnitudes. Adds ridges and bumps if \
+             `position` is connected.",
         )
-        .input(magnitude().doc("what the signal's frames are expected to have"))
+        .input(magnitude().doc("expected magnitudes of the signal"))
         .input(control("position", 3, MM).or(0.0))
-        .doc("x, y, z of the stylus; left out, there are no ridges and no bumps")
+        .doc("stylus position x, y, z; if unconnected, no ridges and no bumps")
         .input(control("pattern", PATTERN_LEN, ONE).or(0.0))
-        .doc("ridges and bumps of the material, as `texture_network` tells them; left out, there are none")
+        .doc("ridges and bumps of the material, from `texture_network`; if unconnected, none")
         .input(control("statistics", 2, ONE).or(-1.0))
-        .doc("as `texture_network` tells them: above 0 in the second where magnitudes are means")
+        .doc("statistics of the magnitudes, from `texture_network`; second value above 0: they are means")
         .output(signal_out())
-        .param(seed().doc("Seed of what is left to chance; left out, from the graph's."))
+        .param(seed().doc("Seed of its random numbers; left out, derived from the graph's seed."))
         .param(precision())
-        .timing(
-            "plays a frame in the tick in which it comes, half a window before its middle; a change of level \
-             shows within 4 ms",
-        )
+        .timing("latency minus half a window (early): a frame plays in its own tick; response lag 4 ms")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

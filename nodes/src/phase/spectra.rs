@@ -58,17 +58,20 @@ impl Node for PhaseVocoder {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "phase_vocoder",
-            "Every bin runs on at its centre frequency; right in level and spectrum for smooth magnitudes.",
+            "Phase vocoder: each bin continues at its centre frequency. For smooth magnitudes.",
         )
-        .input(magnitude().doc("what the next frame is to have"))
-        .output(spectrum_out().doc("the magnitudes with phases"))
+        .input(magnitude().doc("magnitudes of the next frame"))
+        .output(spectrum_out().doc("magnitudes with phases"))
         .param(choice("start", &["quadratic", "random", "zero"]).doc(
-            "Start phases: quadratic beats least and spreads the energy over the window, zero puts it at one \
-             instant.",
+            "Start phases. `quadratic` beats least and spreads energy over the window. `zero` puts all \
+             energy at one instant.",
         ))
         .param(choice("level", &["keep", "plain"]))
-        .doc("Keep scales up by 1.76 dB, so that steady magnitudes keep their energy through overlap-add.")
-        .param(seed().doc("Seed of random start phases; left out, from the graph's."))
+        .doc(
+            "Level correction. `keep` adds 1.76 dB, so that steady magnitudes keep their energy through \
+             overlap-add.",
+        )
+        .param(seed().doc("Seed of random start phases; left out, derived from the graph's seed."))
         .param(precision())
         // Phases follow from the frame's place in time.
         .resumes(Resume::Continue)
@@ -99,16 +102,16 @@ impl Node for RandomPhase {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "random_phase",
-            "Independent random phases, the least that can be done; overlap-add makes them 17 dB too quiet \
-             at 50 frames a window.",
+            "Independent random phases: a baseline. Overlap-add makes them 17 dB too quiet at 50 frames \
+             per window.",
         )
-        .input(magnitude().doc("what the next frame is to have"))
-        .output(spectrum_out().doc("the magnitudes with phases"))
+        .input(magnitude().doc("magnitudes of the next frame"))
+        .output(spectrum_out().doc("magnitudes with phases"))
         .param(choice("level", &["plain", "keep"]).doc(
-            "Keep scales up by the square root of the frames a window, so that magnitudes keep their energy \
-             through overlap-add.",
+            "Level correction. `keep` multiplies by the square root of the frames per window, so that \
+             magnitudes keep their energy through overlap-add.",
         ))
-        .param(seed().doc("Seed of the phases; left out, from the graph's."))
+        .param(seed().doc("Seed of its random numbers; left out, derived from the graph's seed."))
         .param(precision())
         // Phases follow from the frame's number.
         .resumes(Resume::Continue)
@@ -134,12 +137,12 @@ impl Node for Spsi {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "spsi",
-            "Single Pass Spectrogram Inversion: each peak runs on as a sinusoid, its neighbours locked to \
-             it.",
+            "Single Pass Spectrogram Inversion: each peak continues as a sinusoid, with its neighbours \
+             locked to it.",
         )
-        .input(magnitude().doc("what the next frame is to have"))
-        .output(spectrum_out().doc("the same magnitudes with phases"))
-        .param(seed().doc("Seed of the start phases; left out, from the graph's."))
+        .input(magnitude().doc("magnitudes of the next frame"))
+        .output(spectrum_out().doc("magnitudes with phases"))
+        .param(seed().doc("Seed of the start phases; left out, derived from the graph's seed."))
         .param(precision())
     }
 

@@ -21,18 +21,19 @@ impl Node for AudioOut {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "audio_out",
-            "Plays a limited current or voltage through the sound card; offline, the WAV file.",
+            "Plays a limited current or voltage through the sound card, or writes it to the WAV file of \
+             `render`.",
         )
         .role(Role::AudioOutput)
-        .input(drive(RateSpec::Graph).limited().doc("what drives the coil, behind a limiter"))
+        .input(drive(RateSpec::Graph).limited().doc("current or voltage of the coil, from a limiter"))
         .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE))
-        .doc("what the device plays")
+        .doc("samples that the device plays")
         .param(number("volts_at_full_scale", 1.0, 1e-3..=100.0, "V"))
-        .doc("Peak volts the card puts out at full scale.")
+        .doc("Peak voltage of the sound card's output at full scale.")
         .param(number("amps_per_volt", 1.0, 1e-3..=100.0, "A/V"))
-        .doc("Gain of a current amplifier behind the card (input in A).")
+        .doc("Gain of a current amplifier behind the card (for an input in A).")
         .param(number("volts_per_volt", 1.0, 1e-3..=1000.0, ""))
-        .doc("Gain of a voltage amplifier behind the card (input in V).")
+        .doc("Gain of a voltage amplifier behind the card (for an input in V).")
         .sink()
     }
 

@@ -9,15 +9,15 @@ pub struct FileOut {
 
 impl Node for FileOut {
     fn descriptor() -> Descriptor {
-        Descriptor::new("file_out", "Records audio of any unit and rate to a file of its own.")
+        Descriptor::new("file_out", "Records audio of any unit and rate to its own file.")
             .role(Role::Recorder)
-            .input(audio("in").doc("what is recorded"))
+            .input(audio("in").doc("audio to record"))
             .output(Output::new("samples", ShapeSpec::Audio(RateSpec::Of('r')), Unit::FULL_SCALE))
-            .doc("what the host writes")
+            .doc("samples that are written")
             .param(text("file", "").required())
-            .doc("A .wav (32-bit float) or .npy file, relative to where the program runs.")
+            .doc("File to write: .wav (32-bit float) or .npy, relative to the working folder.")
             .param(number("full_scale", 1.0, 1e-9..=1e9, ""))
-            .doc("What is written as 1, in the input's unit.")
+            .doc("Input value that is written as 1, in the input's unit.")
             .sink()
     }
 

@@ -8,12 +8,14 @@ pub struct Probe;
 
 impl Node for Probe {
     fn descriptor() -> Descriptor {
-        Descriptor::new("probe", "Records any signal; the host writes it to a file.")
+        Descriptor::new("probe", "Records any signal to a file.")
             .role(Role::Probe)
-            .input(like("in").doc("what is recorded"))
+            .input(like("in").doc("signal to record"))
             .param(text("file", ""))
-            .doc("A .csv or .npy file, relative to where the program runs; empty records nothing.")
-            .timing("looks on: while what it reads sleeps, audio is zero, a control holds and no frame comes")
+            .doc("File to write: .csv or .npy, relative to the working folder. Empty: nothing is recorded.")
+            .timing(
+                "keeps no node awake: while its source sleeps, audio is zero and a control holds its value",
+            )
             .passive_sink()
     }
 

@@ -11,16 +11,16 @@ impl Node for AudioIn {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "audio_in",
-            "Reads a channel of the sound card, such as an accelerometer on a line input.",
+            "Reads one input channel of the sound card, such as an accelerometer on a line input.",
         )
         .role(Role::AudioInput)
         .input(Input::new("device", ShapeSpec::Audio(RateSpec::Graph), Unit::FULL_SCALE).host_fed())
-        .doc("what the device recorded; a wire here takes its place")
+        .doc("samples from the device; a wire here replaces them")
         .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED))
-        .doc("the signal, in `unit`")
-        .param(integer("channel", 1, 1..=1024).doc("Channel of the device, counted from 1."))
-        .param(number("full_scale", 1.0, 1e-9..=1e9, "").doc("What the device's full scale is, in `unit`."))
-        .param(choice("unit", &["m/s^2", "A", "V", "N", "FS"]).doc("The signal's unit."))
+        .doc("recorded signal, in `unit`")
+        .param(integer("channel", 1, 1..=1024).doc("Input channel of the device, counted from 1."))
+        .param(number("full_scale", 1.0, 1e-9..=1e9, "").doc("Value of the device's full scale, in `unit`."))
+        .param(choice("unit", &["m/s^2", "A", "V", "N", "FS"]).doc("Unit of the output."))
         .resumes(Resume::Continue)
     }
 

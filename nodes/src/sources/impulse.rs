@@ -19,15 +19,15 @@ impl Node for Impulse {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "impulse",
-            "Clicks when a control rises through a threshold, such as to measure a latency.",
+            "Emits a click when a control rises above a threshold, for example to measure latency.",
         )
-        .input(control("trigger", 1, ONE).unit_of('t').wakes().doc("what is waited for"))
-        .output(super::output().doc("the click"))
+        .input(control("trigger", 1, ONE).unit_of('t').wakes().doc("control that triggers the click"))
+        .output(super::output().doc("click"))
         .param(number("threshold", 0.5, -1e9..=1e9, ""))
-        .doc("It clicks when the trigger comes to be above this.")
+        .doc("A click starts when `trigger` rises above this value.")
         .param(number("amplitude", 0.1, -1000.0..=1000.0, ""))
-        .doc("Height of the click, in the output's unit.")
-        .param(number("length_ms", 1.0, 0.01..=1000.0, "ms").doc("How long the click is."))
+        .doc("Amplitude of the click, in the output's unit.")
+        .param(number("length_ms", 1.0, 0.01..=1000.0, "ms").doc("Duration of the click."))
         .param(super::unit_param())
     }
 

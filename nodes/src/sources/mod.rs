@@ -22,7 +22,7 @@ fn output() -> Output {
 }
 
 fn unit_param() -> Param {
-    choice("unit", &UNITS).doc("Unit of the output: a current, a voltage, an acceleration, or full scale.")
+    choice("unit", &UNITS).doc("Unit of the output: current, voltage, acceleration, or full scale (FS).")
 }
 
 /// The ports with the unit that the parameter names.

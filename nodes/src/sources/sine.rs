@@ -66,13 +66,13 @@ const HIGHEST: f64 = 0.45;
 
 impl Node for Sine {
     fn descriptor() -> Descriptor {
-        Descriptor::new("sine", "Makes a sine that fades in and out, such as to find an actuator by.")
-            .output(super::output().doc("the sine"))
+        Descriptor::new("sine", "Generates a sine with fades, for example to test an actuator.")
+            .output(super::output().doc("sine"))
             .param(number("frequency_hz", 80.0, 0.01..=20_000.0, "Hz").live())
-            .doc("Frequency, at most 0.45 of the audio rate; a new one goes on from the same phase.")
+            .doc("Frequency, at most 0.45 of the audio rate. A change keeps the phase.")
             .param(number("amplitude", 0.1, 0.0..=1000.0, "").live().doc("Amplitude, in the output's unit."))
             .param(number("seconds", 0.0, 0.0..=1e6, "s"))
-            .doc("How long it sounds, with fades of 20 ms, shorter where there is no room; 0 for ever.")
+            .doc("Duration with fades of 20 ms; 0: endless. A short sine has shorter fades.")
             .param(super::unit_param())
             .resumes(Resume::Continue)
     }

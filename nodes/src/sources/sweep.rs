@@ -13,23 +13,23 @@ impl Node for Sweep {
     fn descriptor() -> Descriptor {
         let s = SweepSettings::default();
         let silence = |name, default, doc| number(name, default, 0.0..=60.0, "s").doc(doc);
-        Descriptor::new("sweep", "Makes an exponential sine sweep, to measure an actuator with.")
-            .output(super::output().doc("the sweep"))
+        Descriptor::new("sweep", "Generates an exponential sine sweep, for example to measure an actuator.")
+            .output(super::output().doc("sweep"))
             .param(number("from_hz", s.from_hz, 0.5..=5000.0, "Hz").doc("First frequency."))
             .param(number("to_hz", s.to_hz, 1.0..=20_000.0, "Hz"))
-            .doc("Last frequency: at least 1.5 times the first, at most 0.45 of the audio rate.")
+            .doc("Last frequency: at least 1.5 times `from_hz`, at most 0.45 of the audio rate.")
             .param(number("seconds", s.seconds, 0.1..=120.0, "s"))
-            .doc("Length of the sweep without its silences, rounded so that its harmonics are in phase.")
+            .doc("Duration of the sweep without silences. It is rounded so that harmonics are in phase.")
             .param(number("amplitude", s.amplitude, 0.0..=1000.0, ""))
             .doc("Largest amplitude, in the output's unit.")
             .param(choice("shape", &["flat", "displacement"]).doc(
-                "The same amplitude everywhere, or one that falls with the frequency below `corner_hz`, so \
-                 that the mover stays near its middle.",
+                "Amplitude over frequency. `flat`: constant. `displacement`: smaller below `corner_hz`, \
+                 so that the mover stays near its middle.",
             ))
             .param(number("corner_hz", s.corner_hz, 1.0..=20_000.0, "Hz"))
-            .doc("Below it the shape `displacement` falls.")
+            .doc("With the shape `displacement`, the amplitude falls below this frequency.")
             .param(number("fade_ms", s.fade_s * 1e3, 0.0..=1000.0, "ms"))
-            .doc("Length of each fade, a raised cosine.")
+            .doc("Duration of each fade (raised cosine).")
             .param(silence("before_s", s.before_s, "Silence before the sweep."))
             .param(silence("after_s", s.after_s, "Silence after the sweep."))
             .param(super::unit_param())

@@ -18,17 +18,15 @@ impl Node for OverlapAdd {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "overlap_add",
-            "Inverse FFT and weighted overlap-add with Hann windows; unit gain at any hop.",
+            "Turns spectra into samples: inverse FFT and overlap-add with Hann windows, unit gain at any \
+             hop.",
         )
         .role(Role::OverlapAdd)
         .input(Input::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE).unit_of('u'))
-        .doc("frames with phases")
+        .doc("spectra with phases")
         .output(signal_out())
         .param(precision())
-        .timing(
-            "no latency: frame n covers samples from its start on; a change of level shows half a window \
-             late",
-        )
+        .timing("no latency: frame n covers samples from its start; response lag half a window")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -20,24 +20,24 @@ impl Node for Resample {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "resample",
-            "Brings a signal to the audio rate, or any other: polyphase, any ratio of the two.",
+            "Resamples a signal to the audio rate or any other rate (polyphase filter, any ratio).",
         )
         .input(Input::new("in", ShapeSpec::Audio(RateSpec::Of('i')), Unit::NONE).unit_of('u'))
-        .doc("the signal at its own rate")
+        .doc("signal at its own rate")
         .output(Output::new("out", ShapeSpec::Audio(RateSpec::Graph), Unit::NONE).unit_of('u'))
-        .doc("the same at the other rate")
+        .doc("resampled signal")
         .param(integer("rate_hz", 0, 0..=192_000).unit("Hz"))
-        .doc("The output's rate; 0 for the graph's audio rate.")
+        .doc("Sample rate of the output; 0: the graph's audio rate.")
         .param(choice("phase", &["linear", "minimum"]).doc(
-            "`linear` delays all frequencies alike; `minimum` has the least delay, and more of it at high \
-             frequencies.",
+            "Phase of the filter. `linear` delays all frequencies equally. `minimum` has the least delay; \
+             high frequencies are delayed more.",
         ))
         .param(number("passband", 0.4, 0.05..=0.48, "").doc(
-            "Flat to 0.1 dB up to this part of the lower rate: 0.4 of 2500 Hz is 1000 Hz. Nearer 0.5 is \
-             longer.",
+            "End of the flat band (0.1 dB), as a fraction of the lower rate. 0.4 of 2500 Hz is 1000 Hz. A \
+             value nearer 0.5 needs a longer filter.",
         ))
         .param(precision())
-        .timing("the filter's delay, stated exactly by `asperity check`")
+        .timing("latency of the filter; `asperity check` prints it")
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

@@ -22,14 +22,16 @@ impl Node for ActionHistory {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "action_history",
-            "The last forces and velocities, oldest first, at the model's own rate.",
+            "Keeps the last forces and velocities, oldest first, at the model's own rate.",
         )
         .input(control("force", 1, N).doc("normal force"))
-        .input(control("velocity", 2, MM_S).doc("vx, vy"))
-        .output(control_out("force", 10, N).doc("the last forces, zeros at the start"))
-        .output(control_out("velocity", 20, MM_S).doc("the last vx, then the last vy, zeros at the start"))
-        .param(integer("points", 10, 1..=1000).doc("How many samples are kept."))
-        .param(integer("rate_hz", 500, 1..=4000).unit("Hz").doc("How often a sample is taken."))
+        .input(control("velocity", 2, MM_S).doc("vx, vy along the surface"))
+        .output(control_out("force", 10, N).doc("last forces, oldest first; zeros at the start"))
+        .output(
+            control_out("velocity", 20, MM_S).doc("last vx, then last vy, oldest first; zeros at the start"),
+        )
+        .param(integer("points", 10, 1..=1000).doc("Number of samples that are kept."))
+        .param(integer("rate_hz", 500, 1..=4000).unit("Hz").doc("Sampling rate of the history."))
         .resumes(Resume::Never)
     }
 

@@ -18,25 +18,24 @@ impl Node for Scatter {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "scatter",
-            "Scatters expected magnitudes as those of one random signal scatter. Without it phase retrieval \
+            "Scatters expected magnitudes like those of a random signal. Without it, phase retrieval \
              makes a signal that repeats.",
         )
-        .input(magnitude().doc("what is expected"))
+        .input(magnitude().doc("expected magnitudes"))
         .input(Input::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).or(0.0).doc(
-            "mean over root mean square of each bin: 0.886 or less is noise, 1 a steady line; left out, \
-             noise",
+            "mean divided by rms of each bin: up to 0.886 noise, 1 a steady line; if unconnected, noise",
         ))
         .input(control("statistics", 2, ONE).or(-1.0).doc(
-            "variance of a frame's power over its squared mean, below 0 unknown; above 0 where magnitudes \
-             are means",
+            "variance of a frame's power over its squared mean, below 0 unknown; then above 0 if \
+             magnitudes are means",
         ))
         .output(Output::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE).unit_of('u'))
-        .doc("magnitudes that one signal may have")
+        .doc("magnitudes of one random signal")
         .param(number("strength", 1.0, 0.0..=1.0, "").live())
-        .doc("How far magnitudes scatter: 0 leaves them as they are.")
-        .param(seed().doc("Seed of the noise; left out, from the graph's."))
+        .doc("Strength of the scatter; 0 leaves magnitudes unchanged.")
+        .param(seed().doc("Seed of its random numbers; left out, derived from the graph's seed."))
         .param(precision())
-        .timing("no latency: a frame comes out in the tick in which it comes")
+        .timing("no latency")
         // Noise follows from the frame's number.
         .resumes(Resume::Continue)
     }

@@ -70,52 +70,50 @@ impl Node for TextureNetwork {
         let shown = FrameLayout { rate_hz: 2500, length: 250, bins: 101, frame_rate };
         Descriptor::new(
             "texture_network",
-            "Predicts the vibration of touching a material: an ONNX model's magnitudes of the next 0.1 s.",
+            "Predicts the vibration of a touched material by an ONNX model: magnitudes of the next 0.1 s.",
         )
         .role(Role::TextureNetwork)
         .input(control("force", FORCE_LEN, N))
-        .doc("the last forces, oldest first; held to 0 and the largest that the model was trained on")
+        .doc("last forces, oldest first; clamped to the model's trained range")
         .input(control("velocity", SPEED_LEN, MM_S))
-        .doc("the last vx, then the last vy, oldest first; made slower where faster than any trained")
+        .doc("last vx, then last vy, oldest first; scaled down to the model's trained speed")
         .input(control("material", 1, ONE).or(0.0))
-        .doc("which of `material` and then `materials`, from 0; rounded, held to the ends")
+        .doc("index into `material` and then `materials`, from 0; rounded and clamped")
         .output(Output::new(
             "magnitude",
             ShapeSpec::Magnitude(LayoutSpec::Is(shown)),
             Unit::METRE_PER_SECOND_SQUARED,
         ))
-        .doc("acceleration of the next 0.1 s; bin 0 is 0")
+        .doc("expected acceleration of the next 0.1 s; bin 0 is 0")
         .output(Output::new("ratio", ShapeSpec::Magnitude(LayoutSpec::Is(shown)), Unit::NONE).secondary())
-        .doc(
-            "mean over root mean square of each bin: 0.886 is noise, 1 a steady line; of a model that \
-             does not say, noise",
-        )
+        .doc("mean divided by rms of each bin: 0.886 noise, 1 a steady line; noise if the model lacks it")
         .output(control_out("statistics", 2, ONE).secondary().doc(
-            "variance of a frame's power over its squared mean, -1 of a model that does not say; and 1 where \
-             magnitudes are means, 0 where they are root mean squares",
+            "variance of a frame's power over its squared mean, -1 if unknown; then 1 for means, 0 for \
+             rms values",
         ))
-        .output(control_out("pattern", PATTERN_LEN, ONE).secondary().doc(
-            "how the material's vibration is spread over place, from the library; all 0 where it does not \
-             say",
-        ))
+        .output(
+            control_out("pattern", PATTERN_LEN, ONE)
+                .secondary()
+                .doc("ridges and bumps of the material, from the library; all 0 if it has none"),
+        )
         .param(file("model").doc(
-            "ONNX: force [1,10], speed [1,20], texture [1,256] to magnitudes [1,100]; metadata \
-             `force_max_n`, `speed_max_mm_s`: the range it was trained on.",
+            "ONNX model. Inputs: force [1,10], speed [1,20], texture [1,256]. Output: magnitudes [1,100]. \
+             The metadata `force_max_n` and `speed_max_mm_s` give the trained range.",
         ))
-        .param(file("library").doc("RON: material names and their texture vectors of 256 numbers."))
-        .param(text("material", "").required().doc("The material's name in the library."))
-        .param(texts("materials").doc("More materials, preloaded for the input `material` to pick."))
+        .param(file("library").doc("Material library, a RON file: names and texture vectors of 256 numbers."))
+        .param(text("material", "").required().doc("Name of the material in the library."))
+        .param(texts("materials").doc("Further materials that the input `material` can select."))
         .param(integer("synthesis_hz", 2500, 0..=192_000).unit("Hz"))
-        .doc("Rate of the signal that is synthesised; 0 for the audio rate.")
+        .doc("Sample rate of the synthesised signal; 0: the graph's audio rate.")
         .param(integer("bins", MAGNITUDES_LEN as i64, 1..=MAGNITUDES_LEN as i64))
-        .doc("How many of the bins are used, 10 Hz apart.")
+        .doc("Number of bins that are used, 10 Hz apart.")
         .param(choice("precision", &Precision::ALL.map(Precision::name)).doc(
-            "How the weights are kept: f16 and int8 are faster, with errors of up to 0.02 % and 0.5 % of the \
-             largest magnitude; f64, sums and all, is what the others are judged by, and slow.",
+            "Number format of the weights. f16 and int8 are faster, with errors up to 0.02 % and 0.5 % of \
+             the largest magnitude. f64 is slow, and the reference for the others.",
         ))
         .param(choice("executor", &["auto", "tract"]))
-        .doc("`auto` takes packed kernels where they agree with tract.")
-        .timing("no latency: a frame describes the 0.1 s that begin with it")
+        .doc("Program that runs the model. `auto` uses packed kernels if their results agree with tract.")
+        .timing("no latency: a frame describes the 0.1 s after its start")
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

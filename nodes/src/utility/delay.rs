@@ -23,21 +23,24 @@ pub struct Delay {
 
 impl Node for Delay {
     fn descriptor() -> Descriptor {
-        Descriptor::new("delay", "Delays a signal, audio or control; a cycle needs one. Silent at the start.")
-            .input(like("in").doc("what is delayed"))
-            .output(like_out("out").doc("the same, later"))
-            .param(number("delay_ms", 10.0, 0.0..=10_000.0, "ms").doc(
-                "The delay, rounded to whole samples of audio or ticks of a control; in a cycle at least a \
-                 tick.",
-            ))
-            .timing("the delay itself")
-            .closes_cycles("delay_ms")
+        Descriptor::new(
+            "delay",
+            "Delays audio or a control. A cycle in a graph needs one. Silent at the start.",
+        )
+        .input(like("in").doc("signal to delay"))
+        .output(like_out("out").doc("delayed signal"))
+        .param(
+            number("delay_ms", 10.0, 0.0..=10_000.0, "ms")
+                .doc("Delay, rounded to samples (audio) or ticks (control). In a cycle at least one tick."),
+        )
+        .timing("latency `delay_ms`")
+        .closes_cycles("delay_ms")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let seconds = setup.params.number("delay_ms") * 1e-3;
         let Some(shape) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles what this `delay` carries"));
+            return Err(setup.params.node_error("the signal type of this `delay` cannot be determined"));
         };
         let (rate_hz, width) = match shape {
             Shape::Audio { rate_hz } => (Some(rate_hz), 1),

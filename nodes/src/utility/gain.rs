@@ -17,12 +17,12 @@ const RAMPS_PER_SECOND: u32 = 100;
 
 impl Node for Gain {
     fn descriptor() -> Descriptor {
-        Descriptor::new("gain", "Multiplies a signal, audio or control, by a constant.")
-            .input(like("in").doc("what is multiplied"))
-            .output(like_out("out").doc("the product"))
-            .param(number("gain", 1.0, -1e6..=1e6, "").live().doc("The factor."))
+        Descriptor::new("gain", "Multiplies audio or a control by a constant.")
+            .input(like("in").doc("signal to multiply"))
+            .output(like_out("out").doc("product"))
+            .param(number("gain", 1.0, -1e6..=1e6, "").live().doc("Factor."))
             .param(text("unit", ""))
-            .doc("Unit of the output, where the factor changes it; empty keeps the input's.")
+            .doc("Unit of the output, if the factor changes it; empty keeps the input's.")
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

@@ -12,17 +12,17 @@ pub struct Mix {
 const MAX_INPUTS: i64 = 64;
 
 fn input(i: i64) -> Input {
-    Input::new(format!("in{i}"), ShapeSpec::Like('s'), Unit::NONE).unit_of('u').or(0.0).doc("a summand")
+    Input::new(format!("in{i}"), ShapeSpec::Like('s'), Unit::NONE).unit_of('u').or(0.0).doc("signal to add")
 }
 
 impl Node for Mix {
     fn descriptor() -> Descriptor {
-        Descriptor::new("mix", "Adds signals of one type, each with a gain of its own.")
+        Descriptor::new("mix", "Adds signals of one type, each with its own gain.")
             .input(input(1))
             .input(input(2))
-            .output(like_out("out").doc("the sum"))
-            .param(integer("inputs", 2, 1..=MAX_INPUTS).doc("How many inputs there are: in1, in2, ..."))
-            .param(Param::numbers("gains", &[], -1e6..=1e6, "A factor for each input; 1 for those left out."))
+            .output(like_out("out").doc("sum"))
+            .param(integer("inputs", 2, 1..=MAX_INPUTS).doc("Number of inputs: in1, in2, ..."))
+            .param(Param::numbers("gains", &[], -1e6..=1e6, "Factor of each input; 1 for missing ones."))
     }
 
     fn ports(config: &Config<'_>, mut ports: Ports) -> Result<Ports, Diagnostic> {

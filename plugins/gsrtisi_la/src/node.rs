@@ -1,4 +1,4 @@
-//! The node: frames in and out at their places, and what happens where one is missing.
+//! The node: frames in and out at their places, also if one is missing.
 
 use asperity_sdk::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, Input, Latency, LayoutSpec, Node, Output, Param,
@@ -31,14 +31,14 @@ impl Node for GsrtisiLa {
         .input(
             Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("what the next frame is to have"),
+                .doc("magnitudes of the next frame"),
         )
         .output(
             Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+                .doc("magnitudes with phases, `look_ahead` frames later"),
         )
-        .param(Param::integer("look_ahead", 4, 0..=16, "Frames known beyond the one that is put out."))
+        .param(Param::integer("look_ahead", 4, 0..=16, "Look-ahead in frames. It adds latency."))
         .param(Param::integer(
             "iterations",
             4,
@@ -50,7 +50,7 @@ impl Node for GsrtisiLa {
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles the layout of the frames"));
+            return Err(setup.params.node_error("the layout of the frames cannot be determined"));
         };
         let look_ahead = setup.params.integer("look_ahead").clamp(0, 16) as u32;
         let iterations = setup.params.integer("iterations").max(1) as usize;

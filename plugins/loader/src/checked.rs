@@ -16,8 +16,8 @@ pub(crate) struct Theirs(());
 
 impl Theirs {
     /// # Safety
-    /// Every pointer that is read through it is NULL, or leads to what the interface says: a struct of the
-    /// size it says, as many structs, numbers or texts as are said, a text that ends with a zero byte.
+    /// Every pointer that is read through it is NULL, or leads to a value of the declared type: a struct of
+    /// the size it says, as many structs, numbers or texts as are said, a text that ends with a zero byte.
     pub(crate) unsafe fn trusted() -> Self {
         Self(())
     }

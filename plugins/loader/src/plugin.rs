@@ -37,8 +37,8 @@ impl Plugin {
     /// Loads a plugin from its shared library.
     ///
     /// # Errors
-    /// A file that is missing, is not a library, is for another machine, lacks the entry symbol, has
-    /// another magic number or major version, cannot be loaded, or has wrong descriptors.
+    /// A file that is missing, is not a library, is for another machine, lacks the entry symbol; has another
+    /// magic number or major version, cannot be loaded, or has wrong descriptors.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         let bytes = file::read(path)?;
@@ -104,7 +104,7 @@ impl Plugin {
     }
 
     /// # Safety
-    /// `plugin` is what the plugin answered.
+    /// `plugin` is the plugin's answer.
     unsafe fn described(plugin: *const AsperityPlugin, path: &Path, build: u64) -> Result<Self, Lie> {
         // SAFETY: what a plugin answers stays, and so does all that it leads to.
         let theirs = unsafe { Theirs::trusted() };

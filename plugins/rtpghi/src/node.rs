@@ -1,4 +1,4 @@
-//! The node: frames in and out at their places, and what happens where one is missing.
+//! The node: frames in and out at their places, also if one is missing.
 
 use asperity_sdk::{
     Descriptor, Diagnostic, Fact, FrameClock, FrameLayout, Input, Latency, LayoutSpec, Node, Output, Param,
@@ -17,7 +17,7 @@ pub struct Rtpghi {
     newest: Option<(u64, u64)>,
     /// The newest frame has not been put out.
     waiting: bool,
-    /// Start of what was put out last.
+    /// Start of the last output.
     before: Option<u64>,
     bad: u64,
 }
@@ -32,18 +32,18 @@ impl Node for Rtpghi {
         .input(
             Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("what the next frame is to have"),
+                .doc("magnitudes of the next frame"),
         )
         .output(
             Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                 .unit_of('u')
-                .doc("the same magnitudes with phases, `look_ahead` frames later"),
+                .doc("magnitudes with phases, `look_ahead` frames later"),
         )
         .param(Param::integer(
             "look_ahead",
             0,
             0..=1,
-            "Frames known beyond the one that is put out: 0 takes slopes along time from the past alone.",
+            "Look-ahead in frames. 0 estimates slopes over time from the past alone.",
         ))
         .param(Param::number(
             "tolerance",
@@ -52,15 +52,20 @@ impl Node for Rtpghi {
             "Bins under this part of the largest get a random phase.",
         ))
         .param(
-            Param::integer("seed", 1, 0..=i64::MAX, "Seed of the random phases; left out, from the graph's.")
-                .optional(),
+            Param::integer(
+                "seed",
+                1,
+                0..=i64::MAX,
+                "Seed of the random phases; left out, derived from the graph's seed.",
+            )
+            .optional(),
         )
         .timing("`look_ahead` frames")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles the layout of the frames"));
+            return Err(setup.params.node_error("the layout of the frames cannot be determined"));
         };
         let seed = setup.params.get_integer("seed").map_or(setup.seed, |s| s as u64);
         let tolerance = setup.params.number("tolerance");
@@ -122,7 +127,7 @@ impl Processor for Rtpghi {
 }
 
 impl Rtpghi {
-    /// A tick without a frame: where one was to come, the one that waits for it goes out by what is known.
+    /// A tick without a frame: where one was to come, the one that waits for it goes out without it.
     fn flush(&mut self, tick: &mut Tick<'_>) -> Status {
         if !self.waiting {
             return Status::Quiet;

@@ -1,4 +1,4 @@
-//! Texts for the host, and reading of what the host lends.
+//! Texts for the host, and reading of the host's texts.
 
 use std::ffi::{CStr, CString, c_char};
 use std::ptr;
@@ -41,8 +41,8 @@ pub(crate) struct Theirs(());
 
 impl Theirs {
     /// # Safety
-    /// Every pointer that is read or written through it is NULL, or leads to what the interface says, which
-    /// nobody else changes meanwhile.
+    /// Every pointer that is read or written through it is NULL, or leads to a value of the declared type
+    /// that nobody else changes meanwhile.
     pub(crate) unsafe fn trusted() -> Self {
         Self(())
     }

@@ -1,5 +1,5 @@
-//! Agreement of a rendered acceleration with what a tool felt along the same stroke. The figures are never
-//! combined into one.
+//! Agreement of a rendered acceleration with that of a real tool along the same stroke. The figures are
+//! never combined into one.
 //!
 //! A texture's waveform is a draw: two strokes over two places of one surface share no sample. They share the
 //! power of each frequency at each moment, so the figures compare spectra over 20 to 1000 Hz

@@ -52,7 +52,7 @@ impl Estimate {
 /// Trust in the findings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Trust {
-    /// Something is wrong; the notes say what.
+    /// Something is wrong; the notes give the reason.
     Poor,
     /// Better than an estimate; the notes say how to improve it.
     Fair,

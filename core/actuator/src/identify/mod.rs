@@ -15,11 +15,11 @@
 //! k_f^2 / R more than a current, with R and L of the base profile; heat changes R.
 //!
 //! **How.** Both signals are transformed whole. Neighbouring bins form bands of 1/24 octave. In each a
-//! straight line separates response and noise. Correlation finds latency and signs, a grid the figures.
-//! Then weighted least squares over all bins fits everything, latency included ([`identify`]). The
-//! drive may have any waveform, so the limiter may have changed it. But it must be the drive that was
-//! really sent, and begin and end in silence. Intervals follow from the fit's curvature and are widened
-//! by what the model cannot explain.
+//! straight line separates response and noise. Correlation finds latency and signs, a grid the figures. Then
+//! weighted least squares over all bins fits everything, latency included ([`identify`]). The drive may have
+//! any waveform, so the limiter may have changed it. But it must be the drive that was really sent, and
+//! begin and end in silence. Intervals follow from the fit's curvature and are widened by the part that the
+//! model cannot explain.
 //!
 //! The model is in continuous time; a sound card's converters come close. The simulated
 //! [`Plant`](super::Plant) holds each sample. That delays the mover by half a sample, but not the push

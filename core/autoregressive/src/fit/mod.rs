@@ -10,9 +10,9 @@
 //!   mean of five blocks is too low. Clicks: at most 50 ms within a second in which the power of the signal's
 //!   differences is 20 dB above that second's median; a block before and behind goes too. A straight line
 //!   replaces a click, so that no filter rings.
-//! - Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010, "Dimensional
-//!   reduction of high-frequency accelerations for haptic rendering"), with the phase of the loudest axis and
-//!   not of the sum, in which axes may cancel.
+//! - Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010,
+//!   "Dimensional reduction of high-frequency accelerations for haptic rendering"). The phase is that of the
+//!   loudest axis, since axes may cancel in the sum.
 //! - Stretches are cut by binary segmentation (Vostrikova 1981): by speed and force where the sum of squares
 //!   gets least, then by spectrum where `n ln s0^2 - n1 ln s1^2 - n2 ln s2^2 > (8 + 2) ln n` (Appel and
 //!   Brandt 1983, with Schwarz's criterion). `s^2` is the residual variance of a model of order 8 over all
@@ -257,9 +257,9 @@ impl Recording<'_> {
     /// Fits a texture. The same recording and settings give the same bits.
     ///
     /// # Errors
-    /// Settings out of range; channels of different lengths; a rate outside 1 to 10 kHz; a sample that
-    /// is not finite or out of range, with channel and number; a recording shorter than the shortest
-    /// piece; no piece left, with what was dropped and why.
+    /// Settings out of range; channels of different lengths; a rate outside 1 to 10 kHz; a sample that is
+    /// not finite or out of range, with channel and number; a recording shorter than the shortest piece; no
+    /// piece left, with the reasons for which pieces were dropped.
     pub fn fit(&self, settings: &Settings) -> Result<(Texture, Report), Diagnostic> {
         settings.check()?;
         self.check(settings)?;

@@ -1,8 +1,8 @@
 //! Friction and drag: forces that only take energy.
 //!
 //! The cases run every kind in the registry that answers a velocity in a slot with a force, alone with a
-//! stylus, at every tick rate. An effect runs with the examples of its forms, and held to the law that it
-//! tells. Another kind runs with its defaults, if it needs no parameter.
+//! stylus, at every tick rate. An effect runs with the examples of its forms, and is compared with its
+//! declared law. Another kind runs with its defaults, if it needs no parameter.
 
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
@@ -26,8 +26,8 @@ pub(super) const CASES: &[Case] = &[
         |s| each(s, &[1e-9, 1e-3, 1.0, 1e4], None, takes),
         "velocities turn through zero, creep, stop and jump, under a normal force of 1e-9 to 1e4 N that \
          changes, at tick rates from 100 to 4000 Hz",
-        "the force is finite, and at no time has it given more energy than it took: the sum of -F v T is \
-         never below 0 (1e-9 of what went to and fro)",
+        "the force is finite. It never gives more energy than it has taken: the sum of -F v T is never \
+         below 0 (within 1e-9 of the exchanged energy)",
     ),
     FRICTION.kinds(
         "friction_is_quiet_at_rest",
@@ -41,19 +41,19 @@ pub(super) const CASES: &[Case] = &[
         |s| each(s, &[1e-9, 0.3, 3.3, 1e4], None, inside),
         "friction in ticks stops a device of 0.1 kg that slides at 100 mm/s. The damping of the device is \
          5 % and 50 % above K T/2 + B, with K the stiffness of the bristle",
-        "its energy never grows. With 50 % it stops within 40 m / (b + B - K T/2), where that is below 4 \
-         s, but for 0.01 mm/s. Until it moves by a millionth, the force changes its sign at most 2 + 6 ln \
-         10 (1 / (pi z) + 1 / ln(b / B)) times, z = (b + B - K T/2) / (2 sqrt(K m)), and a quarter more \
-         for rates near the swing",
+        "its energy never grows. With 50 %, its speed is below 0.01 mm/s within 40 m / (b + B - K T/2), \
+         if that is below 4 s. Let z = (b + B - K T/2) / (2 sqrt(K m)) and n = 2 + 6 ln 10 (1 / (pi z) + \
+         1 / ln(b / B)). Until its motion is a millionth of the first, the force changes its sign at most \
+         n times, and a quarter more for tick rates near the oscillation",
     ),
     FRICTION.kinds(
         "friction_beyond_its_bound",
         |s| each(s, &[30.0, 1e3, 1e4], Some(LIMIT_N), beyond),
         "the same under up to 1e4 N with a damping of 0.1 N s/m, behind a force limiter of 3.3 N. No \
          device bears such a law: it chatters",
-        "from half a second on, no faster than F sqrt(3 T / (b m)) + 2 F T / m. A force that turns a tick \
-         late gives at most 2 F v T per turn, and the damping takes 2 b v^3 m / (3 F) until the next; the \
-         second term is a tick or two of the force",
+        "after half a second, its speed is at most F sqrt(3 T / (b m)) + 2 F T / m. The first term \
+         balances two energies: 2 F v T from a force that turns a tick late, and 2 b v^3 m / (3 F) into \
+         damping. The second term is one or two ticks of the force",
     ),
     FRICTION.graph(
         "own_friction",
@@ -164,7 +164,7 @@ fn quiet(it: &mut Rubbed, normal_n: f64, _: &Subject<'_>, figures: &mut Figures)
         let x = if tick.is_multiple_of(2) { size } else { 0.0 };
         largest = largest.max(it.at([x, 0.0], normal_n)[0].abs());
     }
-    figures.at_most(largest / most, 1.01, "of what the law at rest says")
+    figures.at_most(largest / most, 1.01, "of the force by the law at rest")
 }
 
 /// Figures of a slide into rest.

@@ -24,8 +24,9 @@ pub(super) const CASES: &[Case] = &[
     MOTION.graph(
         "one_count_at_rest",
         one_count,
-        "a hand rests on a wall. x and y of its sensor flicker by one count D = 0.055 mm (27.5 mm/s at 500 \
-         Hz before the filter): together, in turns, at every period up to 60 ticks, and at random",
+        "a hand rests on a wall. x and y of its sensor flicker by one count D = 0.055 mm (27.5 mm/s at \
+         500 Hz before the filter). They flicker together, alternately, at every period up to 60 ticks, \
+         and at random",
         "the gate stays shut. Behind a low-pass with corner w the speed is at most 1.05 sqrt(2) D w \
          e^(-pi/4), 4.7 mm/s at 20 Hz. Where the corner rises with speed, w is the corner at the speed \
          that opens the gate",
@@ -34,7 +35,7 @@ pub(super) const CASES: &[Case] = &[
         "around_the_gate",
         around,
         "after a start of 0.5 s the stylus moves 2 % slower than the gate opens (4.9 of 5 mm/s), then 2 % \
-         faster, then both by turns. A sensor in steps of 0.055 mm sees 0.5 to 1.1 of that speed along, \
+         faster, then alternates. A sensor with steps of 0.055 mm sees 0.5 to 1.1 of that speed along, \
          between and across its steps",
         "the gate stays shut at the slower speed. At the faster it opens once, within 0.3 s, and does not \
          shut again between the two. In steps, whose ripple (up to 3 mm/s from crest to crest behind a 20 \

@@ -47,7 +47,7 @@ pub(super) const CASES: &[Case] = &[
     PHASE.kinds(
         "phase_alternating",
         alternating,
-        "frames by turns: a tone and nothing, two tones, all bins and nothing",
+        "frames alternate: a tone and nothing, two tones, all bins and nothing",
         "the energy is at most 3 dB above that of the magnitudes on average. Two windows later a tone has \
          its level within 1 dB",
     ),
@@ -82,7 +82,7 @@ pub(super) const CASES: &[Case] = &[
     PHASE.kinds(
         "phase_hop_88_89",
         hop,
-        "hops of 88 and 89 samples by turns: 44.1 kHz",
+        "hops alternate between 88 and 89 samples: 44.1 kHz",
         "the spectral convergence of a tone is that of 44 kHz, where all hops are 88, within 1.5 dB, or \
          better than -60 dB",
     ),
@@ -206,7 +206,7 @@ impl Heard {
         self.rig.engine.tick();
         let heard = self.rig.audio(self.last, 0);
         let sound = heard.iter().all(|x| x.is_finite()) && self.rig.engine.faults() == 0;
-        ensure!(sound, "it fails in frame {tick}, or what is heard is not finite");
+        ensure!(sound, "it fails in frame {tick}, or its output is not finite");
         Ok(heard)
     }
 
@@ -402,8 +402,11 @@ fn spectra(subject: &Subject<'_>) -> Found {
         for (what, bin) in ODD {
             let mut heard = method.begin(subject, usual(), frames(move |_, k| bin(k)))?;
             let db = decibels(heard.settled(1000)?, asked(bin));
-            ensure!((-30.0..=3.0).contains(&db), "{what}: the energy is {db:+.1} dB off what was asked for");
-            figures.note(db, "dB above what was asked for");
+            ensure!(
+                (-30.0..=3.0).contains(&db),
+                "{what}: the energy is {db:+.1} dB off that of the magnitudes"
+            );
+            figures.note(db, "dB above the magnitudes");
         }
         Ok(())
     })
@@ -475,8 +478,8 @@ fn misled_in(inner: Arc<NodeKind>, frames: Range<u64>, instead: Instead) -> Arc<
     })
 }
 
-/// Compares troubled frames with a constant tone. The level must come back, and the energy until then must be
-/// at most 3 dB above what is asked for.
+/// Compares troubled frames with a constant tone. The level must come back, and the energy until then must
+/// be at most 3 dB above that of the magnitudes.
 fn overcome(subject: &Subject<'_>, all: &[Trouble]) -> Found {
     each(subject, true, |method, figures| {
         for Trouble { what, len, frames, instead, asked } in all {
@@ -497,7 +500,7 @@ fn overcome(subject: &Subject<'_>, all: &[Trouble]) -> Found {
                 let db = decibels(power(&heard.next(LEVEL)?), power(&plain.next(LEVEL)?));
                 ensure!(db.abs() <= 1.0, "{settles} frames after it the level is {db:+.1} dB off");
                 let energy = decibels(during, *asked);
-                ensure!(energy <= 3.0, "the energy is {energy:+.1} dB off what was asked for");
+                ensure!(energy <= 3.0, "the energy is {energy:+.1} dB off that of the magnitudes");
                 figures.note(db.abs(), "dB off the level");
                 Ok(())
             };

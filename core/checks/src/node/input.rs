@@ -214,7 +214,7 @@ pub(super) fn random_ticks(subject: &Subject<'_>) -> Found {
             if let Err(fault) = answer {
                 bail!("{} {}", described(fault), here());
             }
-            ensure!(stand.not_finite().is_none(), "put out what is not finite {}", here());
+            ensure!(stand.not_finite().is_none(), "output a value that is not finite {}", here());
         }
     }
     Ok(format!("{} ticks", subject.ticks))

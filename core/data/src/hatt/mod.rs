@@ -3,7 +3,7 @@
 //! data-driven haptic texture models and open-source methods for rendering on 3D objects"). Its licence
 //! forbids passing the files on; none are in this project.
 //!
-//! # What is looked for
+//! # Files of a material
 //!
 //! XML files with a `modelSet`, anywhere in the folder. Each file is one material, read as in
 //! [`toolkit`](asperity_autoregressive::toolkit).
@@ -11,12 +11,12 @@
 //! A picture belongs to the material whose file name its own name begins with; the longest counts. Only
 //! letters and digits are compared, and `models`, `model`, `images` and `image` in front are ignored.
 //!
-//! # What examples are
+//! # Examples
 //!
 //! Strokes are [drawn](crate::History::draw). Magnitudes are not those of a signal, but the root mean square
 //! of all signals, from the models' [closed form](asperity_autoregressive): targets without noise. The 20 ms
-//! before a frame have weights 1, 2, .. 10, the newest most, so that a contact that began 6 ms ago counts for
-//! what it is. Speeds and forces outside the recordings count as the nearest recorded ones.
+//! before a frame have weights 1, 2, .. 10, the newest most, so that a contact that began 6 ms ago has its
+//! full weight. Speeds and forces outside the recordings count as the nearest recorded ones.
 //!
 //! A model of 1000 Hz says nothing above 500 Hz. Its magnitudes there are 0, as in the toolkit's own
 //! rendering. A network trained on them is silent there too.

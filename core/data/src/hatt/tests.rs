@@ -149,7 +149,10 @@ fn bad_sets_are_refused_at_the_element() {
         (without("<speedMod>20</speedMod>", "<speedMod>NaN</speedMod>"), "m.xml:9:11: `NaN` in `speedMod`"),
         (without("-1.2 0.81", "-2.2 1.21"), "m.xml:5:1: the autoregressive part of a model is not stable"),
         (without("-1.2 0.81", "-0.5"), "m.xml:2:1: model 2: 2 and 0 coefficients"),
-        (error(&set("<tri>1 2 5</tri>", plain)), "m.xml:4:1: the corner 5 in `tri` is none of 4 models"),
+        (
+            error(&set("<tri>1 2 5</tri>", plain)),
+            "m.xml:4:1: the corner 5 in `tri` is not the number of a model (1 to 4)",
+        ),
         (error(&set("<tri>1 2 0</tri>", plain)), "m.xml:4:1: the corner 0 in"),
         (error(&set("<tri>1 2</tri>", plain)), "m.xml:4:1: `tri` holds 2 corners"),
         (

@@ -13,7 +13,7 @@ use crate::pattern::{self, Network, Stroke};
 /// The [made surface](made_surfaces) with a name.
 ///
 /// # Errors
-/// An unknown name; the error says the nearest one.
+/// An unknown name; the error names the nearest one.
 pub fn surface(name: &str) -> Result<MadeSurface, Diagnostic> {
     let all = made_surfaces();
     match all.iter().position(|s| s.name == name) {

@@ -191,7 +191,7 @@ fn going_on(
     examples
 }
 
-/// An example every 40 ms of a stroke, while 0.1 s follow, with what follows.
+/// An example every 40 ms of a stroke, as long as 0.1 s follow, with those 0.1 s.
 pub(super) fn examples(drawn: &Drawn, felt: &[Vec<f64>; 3], spectrometer: &mut Spectrometer) -> Vec<Example> {
     let mut examples = Vec::new();
     let mut recorder = Recorder::default();

@@ -31,12 +31,12 @@
 //! ])
 //! ```
 //!
-//! # What examples are
+//! # Examples
 //!
-//! There is an example every 20 ms. Its history is what the chain would have measured at 500 Hz: the
-//! mean force of each 2 ms, and the difference of places 2 ms apart, or the mean velocity between,
-//! through the chain's velocity filter. A negative force counts as 0. A speed alone has no direction:
-//! each example gets one, a golden angle from the last.
+//! There is an example every 20 ms. Its history is as the chain would measure it at 500 Hz: the mean force
+//! of each 2 ms, and the difference of places 2 ms apart, or the mean velocity between, through the chain's
+//! velocity filter. A negative force counts as 0. A speed alone has no direction: each example gets one, a
+//! golden angle from the last.
 //!
 //! Its magnitudes are those of the 0.1 s that follow, at the file's rate, with several axes as one. A
 //! second-order high-pass of 5 Hz comes first: gravity turns with the tool, and the window would put a
@@ -75,7 +75,7 @@ pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
     }
 }
 
-/// A recorded stroke that a graph can play, with what the tool felt.
+/// A recorded stroke that a graph can play, with the tool's accelerations.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// x, y, z in mm, every 2 ms from the first sample, as the chain would have measured them (see the
@@ -108,7 +108,7 @@ impl Recording {
     }
 }
 
-/// Reads one stroke to compare a rendering with what the tool felt. The file is as for [`recorded`].
+/// Reads one stroke, to compare a rendering with the tool's accelerations. The file is as for [`recorded`].
 ///
 /// # Errors
 /// As [`recorded`].

@@ -211,7 +211,7 @@ fn steady_rate(source: &Arc<Source>, time: &[f64], cells: &[Span]) -> Result<f64
 pub(super) fn wav(path: &Path, names: &Path) -> Result<Recorded, Diagnostic> {
     let fail = |what: String| Diagnostic::new(what).in_file(path);
     if !names.is_file() {
-        return Err(fail("nothing says what the channels of this file are".into())
+        return Err(fail("the channels of this file have no names".into())
             .help(format!("write {} with `Recording(channels: [...])`", names.display())));
     }
     let source = Source::read(names)?;

@@ -83,7 +83,7 @@ impl Recorded {
         self.force_n.len() as f64 / self.rate_hz
     }
 
-    /// A path that a graph can play, and what was felt.
+    /// A path that a graph can play, and the recorded acceleration.
     pub(super) fn recording(self) -> Result<Recording, Diagnostic> {
         let acceleration_m_s2 = self.without_gravity()?;
         let ticks = (0..).take_while(|tick| self.sample(*tick) < self.force_n.len());

@@ -302,7 +302,7 @@ fn bad_sound_files_and_bad_names_are_refused() {
         assert!(found.contains(want), "{found}\nwanted {want}");
     };
     wav(&path, (hound::SampleFormat::Int, 16), 2000, 1.0);
-    fails("nothing says what the channels");
+    fails("have no names");
     for (from, to, want) in [
         ("speed_mm_s", "sped_mm_s", "ron:4:12: unknown quantity `sped_mm_s` (did you mean `speed_mm_s`?)"),
         ("none", "force_n", "`force_n` is there twice"),

@@ -144,7 +144,7 @@ impl<'s> Reader<'s> {
                 let name = text[..word_len].to_owned();
                 match ron::from_str(text).map_err(reparse)? {
                     Parts::Items(items) if !items.is_empty() => {
-                        return Err(refuse(&format!("what stands in `{name}(...)` has no names"))
+                        return Err(refuse(&format!("the fields of `{name}(...)` need names"))
                             .help(format!("{name}(field: value, ...)")));
                     }
                     Parts::Items(_) => Kind::Record { name: Some(name), fields: Vec::new() },
@@ -211,7 +211,7 @@ impl<'s> Reader<'s> {
         let mut entries = Vec::new();
         for (key, raw) in keyed {
             if let Some(first) = seen.insert(key.name.clone(), key.span) {
-                return Err(Diagnostic::new(format!("`{}` stands here twice", key.name))
+                return Err(Diagnostic::new(format!("`{}` is given twice", key.name))
                     .at(self.source, key.span)
                     .label("the second")
                     .related(self.source, first, "the first")

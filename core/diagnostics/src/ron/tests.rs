@@ -32,8 +32,8 @@ fn every_kind_of_value_is_read_with_its_position() {
 
 #[test]
 fn duplicate_key_is_refused_at_the_second() {
-    assert!(error("{\"a\": 1,\n \"a\": 2}").starts_with("t.ron:2:2: `a` stands here twice"));
-    assert!(error("(x: 1,\n x: 2)").starts_with("t.ron:2:2: `x` stands here twice"));
+    assert!(error("{\"a\": 1,\n \"a\": 2}").starts_with("t.ron:2:2: `a` is given twice"));
+    assert!(error("(x: 1,\n x: 2)").starts_with("t.ron:2:2: `x` is given twice"));
 }
 
 #[test]
@@ -108,5 +108,5 @@ fn name_with_empty_parentheses_has_no_fields() {
 #[test]
 fn unnamed_fields_in_a_named_record_are_refused() {
     let said = error("(a: dahl(0.3))");
-    assert!(said.contains("`dahl(...)` has no names"), "{said}");
+    assert!(said.contains("the fields of `dahl(...)` need names"), "{said}");
 }

@@ -72,10 +72,7 @@ impl<T: Float> Group<T> {
     }
 
     #[inline]
-    #[expect(
-        clippy::needless_range_loop,
-        reason = "one index over many lanes is what is made one instruction"
-    )]
+    #[expect(clippy::needless_range_loop, reason = "one index over many lanes becomes one instruction")]
     /// Adds each lane's samples to `sums`.
     fn run<const BEND: bool>(mut self, sums: &mut [[T; LANES]]) {
         for sum in sums {

@@ -79,7 +79,7 @@ impl Controller {
     /// earlier swaps have faded.
     ///
     /// # Errors
-    /// [`SwapError`] says what to do. Then nothing is sent, and `compiled` is dropped: ask
+    /// [`SwapError`] names the remedy. Then nothing is sent, and `compiled` is dropped: ask
     /// [`ready`](Self::ready) first.
     pub fn swap(&mut self, mut compiled: Compiled, changed: &[String]) -> Result<SwapReport, SwapError> {
         let (old, new) = (&self.schedule, &compiled.schedule);
@@ -127,11 +127,11 @@ impl Controller {
         Ok(report)
     }
 
-    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later
-    /// [`swap`](Self::swap) sets it to what the new graph says.
+    /// Sets a live parameter. A flag is 0 or 1, a choice the place of its word. A later [`swap`](Self::swap)
+    /// sets it to the new graph's value.
     ///
     /// # Errors
-    /// The text says what to do; nothing is sent then.
+    /// The text names the remedy; nothing is sent then.
     pub fn set_parameter(&mut self, node: &str, param: &str, value: f64) -> Result<(), String> {
         let at = self.schedule.index_of(node).ok_or_else(|| format!("there is no node `{node}`"))?;
         let live = &self.schedule.nodes[at].live;

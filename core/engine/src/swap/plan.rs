@@ -100,7 +100,7 @@ fn fates(old: &Schedule, new: &Schedule, changed: &[String], between: &BTreeSet<
         let why = if before.id != node.id {
             Some(format!("it drives what `{}` drove", before.id))
         } else if changed.contains(&node.id) {
-            Some("what it reads changed".to_owned())
+            Some("its source changed".to_owned())
         } else if old.seed != new.seed {
             Some("the graph has another seed".to_owned())
         } else if between.contains(&j) {
@@ -167,7 +167,7 @@ fn difference(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     let inputs = || old.inputs.iter().zip(&new.inputs).all(|(a, b)| a.from.is_some() == b.from.is_some());
     let outputs = || old.outputs.iter().zip(&new.outputs).all(|(a, b)| (a.readers > 0) == (b.readers > 0));
     let why = if old.build != new.build {
-        "its code was built anew"
+        "its code was rebuilt"
     } else if let Some(name) = other_param(old, new) {
         return Some(format!("`{name}` changed"));
     } else if old.every != new.every {
@@ -175,9 +175,9 @@ fn difference(old: &ScheduledNode, new: &ScheduledNode) -> Option<String> {
     } else if !same_ports(old, new) {
         "its ports have other types"
     } else if old.closes_cycle != new.closes_cycle {
-        "it stands otherwise in a cycle"
+        "its place in a cycle changed"
     } else if !inputs() || !outputs() {
-        "other ports of it are connected"
+        "its connections changed"
     } else {
         return None;
     };
@@ -224,8 +224,9 @@ pub(super) fn live_values(node: &ScheduledNode) -> Vec<f64> {
     live.map(|value| value.unwrap_or(f64::NAN)).collect()
 }
 
-/// Crossfades before every audio and control input of a kept node whose source changed, on the audio of
-/// sinks that are not kept, and before nodes with latency or tail that are not kept.
+/// Crossfades before every audio and control input of a kept node whose source changed. There are also
+/// crossfades on the audio of sinks that are not kept, and before nodes with latency or tail that are not
+/// kept.
 fn points(old: &Schedule, new: &Schedule, fates: &[Fate]) -> Vec<Point> {
     let mut points = on_sinks(old, new, fates);
     for (j, (fate, node)) in fates.iter().zip(&new.nodes).enumerate() {

@@ -42,7 +42,8 @@ impl SwapReport {
 }
 
 impl fmt::Display for SwapReport {
-    /// A line: what is rebuilt and why, what is new, removed and set, and how many nodes stay.
+    /// A line: nodes that are rebuilt, with the reason, nodes that are new, removed or set, and the number
+    /// of nodes that stay.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for (id, change) in &self.nodes {
             match change {

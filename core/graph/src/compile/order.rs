@@ -121,7 +121,7 @@ fn check_required(graph: &GraphFile, resolved: &Resolved, live: &[bool]) -> Resu
         let inputs = node.ports.inputs.iter().zip(&node.input_wires);
         for (input, _) in inputs.filter(|(input, wire)| wire.is_none() && !input.optional) {
             let decl = &graph.nodes[i];
-            let message = format!("nothing is wired to `{}.{}`, which must be", decl.id, input.name);
+            let message = format!("`{}.{}` is required, and nothing is wired to it", decl.id, input.name);
             errors.push(
                 Diagnostic::new(message)
                     .at_place(&decl.place)

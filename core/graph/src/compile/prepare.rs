@@ -59,8 +59,8 @@ pub(super) fn prepare(
                 }
                 None => {
                     let decl = &graph.nodes[i];
-                    let message = format!("nothing settles the type of `{}.{}`", decl.id, output.name);
-                    let help = "wire something whose type is known into it, or take it out";
+                    let message = format!("the type of `{}.{}` cannot be determined", decl.id, output.name);
+                    let help = "connect it to a port of a known type, or remove it";
                     errors.push(Diagnostic::new(message).at_place(&decl.place).help(help));
                 }
             }

@@ -174,7 +174,7 @@ fn end(
         let all: Vec<String> = these.iter().map(|(n, _)| format!("`{}.{n}`", end.node)).collect();
         let help =
             || if all.is_empty() { "it has none".into() } else { format!("one of {}", all.join(", ")) };
-        fail(format!("`{}` has {} {word}s; say which", end.node, these.len()), &help);
+        fail(format!("`{}` has {} {word}s; name one", end.node, these.len()), &help);
         return None;
     };
     let at = these.iter().position(|(n, _)| n == port);

@@ -263,15 +263,15 @@ fn check_wire(
         return Some(match bridges(&found, &wanted, graph.audio_hz, registry).as_slice() {
             [] if found.kind == wanted.kind && found.unit != wanted.unit && wanted.unit.is_some() => {
                 let unit = wanted.unit.as_ref().map(Unit::symbol).unwrap_or_default();
-                let use_for = "where a constant factor leads from the one to the other";
+                let use_for = "if a constant factor converts one into the other";
                 d.help(format!("a `gain` with `unit: \"{unit}\"`, {use_for}"))
             }
             [] => d,
-            kinds => d.help(format!("what goes between: {}", kinds.join(", "))),
+            kinds => d.help(format!("nodes that fit between: {}", kinds.join(", "))),
         });
     }
     let message =
-        || format!("`{}` takes only what a limiter lets through, and `{}` is not one", names.1, names.0);
+        || format!("`{}` takes only the output of a limiter, and `{}` is not one", names.1, names.0);
     let help = "put a `limiter` last before the device; it cannot be left out";
     (input.limited && !output.limited).then(|| error(message()).help(help))
 }

@@ -1,4 +1,4 @@
-//! The path of a stylus in pixels, thinned to what can be seen, and lanes beside it.
+//! The path of a stylus in pixels, thinned to visible points, and lanes beside it.
 
 use super::Moment;
 use super::outline::Point;

@@ -49,7 +49,7 @@ impl<'a> Builder<'a> {
             let place = surface.map_or_else(|| self.here(), |surface| surface.place.clone());
             let sounds = |of: &Of<'_>| self.is_built(of.kind) && self.vibrates(of.kind);
             let (message, help) = if self.effects.iter().any(sounds) {
-                ("this scene vibrates, and nothing plays it", "output: audio_out")
+                ("this scene has vibration, but no `output`", "output: audio_out")
             } else {
                 ("no surface of this scene can be felt", "effects: (stiffness: (stiffness_n_per_mm: 0.5))")
             };

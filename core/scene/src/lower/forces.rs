@@ -23,7 +23,7 @@ impl Builder<'_> {
         let input = self.part("stylus", &scene.input)?;
         if input.outputs.iter().all(|output| output.name != "position") {
             let place = &scene.input.place;
-            let message = format!("`{}` does not tell where a stylus is", scene.input.kind);
+            let message = format!("`{}` has no position of a stylus", scene.input.kind);
             let [strokes, hands] = [Role::Stroke, Role::Hand].map(|role| self.kinds(role).join(", "));
             return Err(error(place, message).help(format!("{strokes}, or a hand: {hands}")));
         }
@@ -105,7 +105,7 @@ impl Builder<'_> {
     fn device(&mut self, device: &Part, beside: &[String]) -> Result<(), Diagnostic> {
         let descriptor = self.descriptor(&device.kind, &device.place)?;
         if descriptor.role != Some(Role::Force) {
-            let message = format!("`{}` is no device that pushes back", device.kind);
+            let message = format!("`{}` is not a node of force feedback", device.kind);
             return Err(error(&device.place, message).help(self.kinds(Role::Force).join(" or ")));
         }
         let mut params = handed_on(device);

@@ -94,9 +94,7 @@ impl Builder<'_> {
                         Ok(meta) => irregular(&meta).map(|what| format!("{} is {what}", file.display())),
                     };
                     if let Some(wrong) = wrong {
-                        return Err(
-                            error(&surface.place, wrong).help("an effect of this surface is made of it")
-                        );
+                        return Err(error(&surface.place, wrong).help("an effect of this surface uses it"));
                     }
                 }
             }

@@ -203,7 +203,7 @@ fn scene_that_cannot_be_lowered_is_refused_with_place() {
     let network = NEEDS[1].0;
     let cases = [
         (network, ("\"oak\"", "\"oka\""), "`oka`", "\"oka\"", "oak"),
-        (network, ("stroke(", "sine("), "does not tell where a stylus is", "", "trajectory"),
+        (network, ("stroke(", "sine("), "has no position of a stylus", "", "trajectory"),
         (network, ("stroke(", "strok("), "no node of the kind `strok`", "strok", "stroke"),
         (network, ("audio_out()", "audio_uot()"), "`audio_uot`", "audio_uot", "audio_out"),
         (
@@ -223,7 +223,7 @@ fn scene_that_cannot_be_lowered_is_refused_with_place() {
         (
             NEEDS[0].0,
             ("(damping_ns_per_m: 2)", "(damping_ns_per_m: 2, output: audio_out())"),
-            "no device that pushes back",
+            "not a node of force feedback",
             "audio_out",
             "push_force",
         ),

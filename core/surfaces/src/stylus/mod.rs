@@ -28,10 +28,10 @@
 //!
 //! # Levels
 //!
-//! At 100 mm/s and 1 N, 110 of the 112 made surfaces lie within 0.1 and 20 m/s^2 (root mean square from 10
-//! to 1000 Hz, all axes together), like most surfaces under pens with accelerometers. The median is 3.3.
-//! Masses and ball are those of the usual instrument. Stiffness, damping and the surfaces' moduli are chosen
-//! to give these levels. So the model predicts only the effect of force, speed and place.
+//! At 100 mm/s and 1 N, 110 of the 112 made surfaces lie within 0.1 and 20 m/s^2, like most surfaces under
+//! pens with accelerometers. These are root mean squares from 10 to 1000 Hz, all axes together. The median
+//! is 3.3. Masses and ball are those of the usual instrument. Stiffness, damping and the surfaces' moduli
+//! are chosen to give these levels. So the model predicts only the effect of force, speed and place.
 //!
 //! A doubling of speed raises levels by 2 to 13 dB, a doubling of force by up to 7, with ranges for each
 //! family in the tests. Levels do not rise with force on gratings, where a light tip jumps, and on smooth
@@ -46,9 +46,9 @@
 //!
 //! # Step
 //!
-//! The integrator is symplectic with [`STEPS`] steps a sample (kick, then drift), so the contact does
-//! not gain energy. A sample of acceleration is the mean over its steps. The energy balance of a stroke forth
-//! and back has an error of 0.3 % of the losses at 70 mm/s and 1 N, and 1.2 % at 250 mm/s and 2.5 N; it
+//! The integrator is symplectic with [`STEPS`] steps a sample (kick, then drift), so the contact does not
+//! gain energy. A sample of acceleration is the mean over its steps. The energy balance of a stroke forth
+//! and back has an error of 0.3 % of the losses at 70 mm/s and 1 N. At 250 mm/s and 2.5 N it is 1.2 %; it
 //! halves with the step. Half the step changes every band of 100 Hz within 30 dB of the loudest by less than
 //! 0.5 dB. A second of a stroke takes 2 ms on one core of a server.
 

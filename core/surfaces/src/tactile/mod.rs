@@ -20,7 +20,7 @@
 //! adds its blur, its noise (shot and read), dust on the gel, and 8 bits. Steep parts that face a light
 //! are white; steep parts turned away are dark.
 //!
-//! # What it resolves
+//! # Resolution
 //!
 //! A pixel is 0.04 mm. Without noise, fine surfaces differ from a flat skin by (root mean square in
 //! parts of 255): sandpaper P400 6, maple 4, brushed steel 1.6. A pixel's noise is 1.0; only float

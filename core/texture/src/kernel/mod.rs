@@ -2,8 +2,8 @@
 //!
 //! [`execute`] is written once over [`Simd`] and inlined into one function per instruction set that is
 //! compiled for it, so that dispatch happens once per run. Lengths are checked once per block of columns;
-//! what is unsafe is calling a function compiled for an instruction set, and loads and stores within slices
-//! of checked length. Layers whose weights are whole numbers have a loop of their own.
+//! unsafe are only calls of functions compiled for an instruction set, and loads and stores within slices of
+//! checked length. Layers whose weights are whole numbers have a loop of their own.
 //!
 //! A result has the same bits on every instruction set. Each column is summed up in the order of the inputs,
 //! and a product is rounded before it is added: not every CPU has an instruction that rounds once.

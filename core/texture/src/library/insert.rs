@@ -50,7 +50,7 @@ impl Library {
         }
         match found {
             Ok(found) if found == wanted => Ok(changed(source.text(), &changes)),
-            Ok(_) => Err(refuse("cannot add to this file without changing what is in it".into())),
+            Ok(_) => Err(refuse("cannot add to this file without changing its other entries".into())),
             Err(e) => Err(refuse(format!("cannot add to this file: {}", e.message))),
         }
     }

@@ -166,8 +166,8 @@ impl Library {
     /// A material by name.
     ///
     /// # Errors
-    /// No such material; the error says the nearest name and names the library's file. A caller that has
-    /// the name from its own text points there with [`Diagnostic::at`].
+    /// No such material; the error has the nearest name and the library's file. A caller that has the name
+    /// from its own text points there with [`Diagnostic::at`].
     pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
         self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
             Diagnostic::new(format!("no material `{name}` in {}", self.path.display()))

@@ -60,7 +60,7 @@ fn non_finite_answer_is_an_error() {
     let black = Image { size: IMAGE, pixels: vec![0; 147_456] };
     assert!(big.encode(&black).unwrap().iter().all(|x| *x == 0.0));
     let e = big.encode(&image(1)).unwrap_err().to_string();
-    assert!(e.starts_with("some/where.onnx: number 0 of what the encoder answers is not finite"), "{e}");
+    assert!(e.starts_with("some/where.onnx: number 0 of the encoder's output is not finite"), "{e}");
 }
 
 #[test]

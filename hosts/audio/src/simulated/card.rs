@@ -1,4 +1,4 @@
-//! The card: calls its streams, keeps what they play, wires output to input. For cpal it is a device.
+//! The card: calls its streams, keeps their samples, wires output to input. For cpal it is a device.
 
 use std::collections::VecDeque;
 use std::fmt;

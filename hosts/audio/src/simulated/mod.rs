@@ -20,7 +20,7 @@ use parking_lot::Mutex;
 /// Plant between an output and an input channel: maps every output sample to an input sample.
 pub type Response = Box<dyn FnMut(f32) -> f32 + Send>;
 
-/// Makes the plant of a device's `plant` words, at a rate \[Hz\]; the error says what is wrong with them.
+/// Makes the plant of a device's `plant` words, at a rate \[Hz\]; the error names the wrong one.
 pub type Plants = fn(&[(String, String)], f64) -> Result<Response, String>;
 
 static PLANTS: OnceLock<Plants> = OnceLock::new();
@@ -52,7 +52,7 @@ pub(crate) fn devices() -> Vec<cpal::Device> {
     cards.into_iter().filter(|card| !card.lock().unplugged).map(as_device).collect()
 }
 
-/// A device described by its id; the error says what is wrong with the description.
+/// A device described by its id; the error names the wrong part.
 pub(crate) fn described(id: &str) -> Result<cpal::Device, String> {
     let params: Params = id.parse()?;
     if params.speed == 0.0 {

@@ -15,6 +15,7 @@ pub mod materials;
 pub mod nodes;
 pub mod plugin;
 pub mod recover;
+pub mod reference;
 pub mod render;
 pub mod run;
 pub mod scene;
@@ -24,9 +25,20 @@ pub mod tone;
 pub mod tradeoff;
 pub mod trust;
 
-use clap::Subcommand;
+use clap::{CommandFactory as _, Subcommand};
 
 use crate::failure::Failure;
+
+/// The program's whole command line: for completions, man pages and the reference.
+pub fn command() -> clap::Command {
+    crate::Cli::command()
+}
+
+/// Help that follows the options of a command: lines to try.
+pub fn examples(lines: &[&str]) -> String {
+    let heading = if lines.len() == 1 { "Example" } else { "Examples" };
+    format!("{heading}:\n  {}", lines.join("\n  "))
+}
 
 /// The commands, in the order in which `--help` lists them.
 #[derive(Debug, Subcommand)]
@@ -34,6 +46,7 @@ pub enum Command {
     Render(render::Args),
     Run(run::Args),
     Recover(recover::Args),
+    Reference(reference::Args),
     Devices(devices::Args),
     Setup(setup::Args),
     Tone(tone::Args),
@@ -65,6 +78,7 @@ impl Command {
             Command::Render(args) => render::run(&args),
             Command::Run(args) => run::run(&args),
             Command::Recover(args) => recover::run(&args),
+            Command::Reference(args) => reference::run(&args),
             Command::Devices(args) => devices::run(&args),
             Command::Setup(args) => setup::run(&args),
             Command::Tone(args) => tone::run(&args),

@@ -136,7 +136,7 @@ fn subject(args: &Args) -> Result<(Option<GraphFile>, Registry), Failure> {
     Ok((Some(loaded.graph), loaded.registry))
 }
 
-/// Runs a case. Answers the verdict and what was found.
+/// Runs a case. Answers the verdict and the findings.
 fn outcome(case: &Case, subject: &Subject<'_>) -> (&'static str, String) {
     // Nothing else catches a panic of a plugin that is prepared.
     match catch_unwind(AssertUnwindSafe(|| case.run(subject))) {
@@ -147,7 +147,7 @@ fn outcome(case: &Case, subject: &Subject<'_>) -> (&'static str, String) {
     }
 }
 
-/// Writes rows of a table over these cases: family, case, verdict and what was found.
+/// Writes rows of a table over these cases: family, case, verdict and findings.
 fn table(cases: &[&Case]) -> impl Fn(&str, &str, &str, &str) -> String + use<> {
     let widest = |name: fn(&Case) -> &str, head: &str| {
         cases.iter().map(|c| name(c).len()).max().unwrap_or(0).max(head.len())

@@ -1,4 +1,5 @@
-//! `asperity setup`: writes the machine's file, which says what stands behind a channel of the sound card.
+//! `asperity setup`: writes the machine's file, which describes the amplifier and actuator behind a channel
+//! of the sound card.
 
 use std::io::{BufRead as _, IsTerminal as _};
 use std::path::Path;
@@ -107,8 +108,7 @@ fn edited(path: &Path, device: &str, channel: u16, entry: &str, overwrite: bool)
             text.replace_range(output.place.span.start..output.place.span.end, entry);
         }
         Some(output) => {
-            let message =
-                format!("this file already says what stands behind channel {channel} of `{device}`");
+            let message = format!("this file already describes channel {channel} of `{device}`");
             return Err(Diagnostic::new(message)
                 .at(&machine.source, output.place.span)
                 .help("--overwrite replaces it")

@@ -114,7 +114,7 @@ impl Watched {
         settled.then(|| now.iter().filter(differs).map(|(path, _)| path.clone()).collect())
     }
 
-    /// Watches the files of a new graph. What changed since `seen`, before it was read, is reported again.
+    /// Watches the files of a new graph. A change since `seen`, before the file was read, is reported again.
     pub fn know(&mut self, after: Stamps, seen: &Stamps) {
         self.known = after;
         for (path, stamp) in seen {

@@ -169,7 +169,7 @@ fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(
         warn(&format!("{}:{}:{}: {}", clean(&path), at.line, at.column, clean(message)));
     }
     if let Some(more) = findings.len().checked_sub(MOST_FINDINGS).filter(|more| *more > 0) {
-        warn(&format!("and {more} more like these; --strict tells them all"));
+        warn(&format!("and {more} more like these; --strict lists all"));
     }
     Ok(())
 }
@@ -207,7 +207,7 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
         {
             out.push(format!(
                 "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, \
-                 and they are too loud: too little is known of them. \
+                 where they are inaccurate and too loud. \
                  Set `emission` to -{:.0} or nearer to 0, or leave it out",
                 node.id,
                 -100.0 * emission / frames,

@@ -68,7 +68,7 @@ struct Channel {
 struct Record {
     /// Mean of the square of the current.
     heat_a2: f64,
-    /// Mean square of the current that the coil stands for ever.
+    /// Mean square of the current that the coil bears continuously.
     rating_a2: f64,
     /// Time constant with which it cools.
     cools_in_s: f64,
@@ -142,7 +142,7 @@ impl Coils {
         if taken.len() < if self.share { 1 } else { SEATS } {
             let process = by.map_or("another process".to_owned(), |id| format!("process {id}"));
             let help = match self.share {
-                true => "end it: it does not share, or two that share are there already",
+                true => "end it: it does not share the actuator, or two runs share it already",
                 false => "end it; or start both with --share: each has half of every limit",
             };
             let message = format!("channel {channel} of `{}` is driven by {process}", device.name);
@@ -176,8 +176,8 @@ impl Coils {
         let known = |channel| self.machine.as_ref().is_some_and(|m| m.output(device, channel).is_some());
         let channel = device.channels.iter().map(|(channel, _)| *channel).find(|channel| !known(*channel))?;
         Some(format!(
-            "only the graph's word protects the actuator on channel {channel} of `{}`: \
-             `asperity setup` writes down what stands there",
+            "only the graph's own settings protect the actuator on channel {channel} of `{}`: \
+             `asperity setup` adds limits that no graph can raise",
             device.name
         ))
     }

@@ -68,7 +68,7 @@ impl Machine {
         for value in list.list()? {
             let new = output(value, base)?;
             if let Some(first) = outputs.iter().find(|o| o.device == new.device && o.channel == new.channel) {
-                let what = format!("channel {} of `{}` stands here twice", new.channel, new.device);
+                let what = format!("channel {} of `{}` is described twice", new.channel, new.device);
                 let place = &first.place;
                 return Err(new.error(what).related(&place.source, place.span, "first here"));
             }
@@ -222,9 +222,9 @@ impl Output {
         let file = self.place.source.path().display();
         node.params
             .error(param, message)
-            .related(&self.place.source, self.place.span, "what the machine's file says")
+            .related(&self.place.source, self.place.span, "entry in the machine's file")
             .help(format!(
-                "{file}:{}:{} says what stands behind channel {} of `{}`; correct the graph, or that file",
+                "{file}:{}:{} describes channel {} of `{}`; correct the graph, or that file",
                 at.line, at.column, self.channel, self.device
             ))
     }
@@ -250,7 +250,7 @@ fn output(value: &Value, base: &Path) -> Result<Output, Diagnostic> {
         (None, Some(gain)) => (Drive::Voltage, gain.f64_in(1e-3..=1000.0, "V/V")?),
         _ => {
             return Err(value
-                .error("the amplifier is not said")
+                .error("the amplifier is missing")
                 .help("amps_per_volt: of a current amplifier; or volts_per_volt: of a voltage amplifier"));
         }
     };

@@ -113,7 +113,7 @@ fn free(path: &Path) -> Result<(PathBuf, Option<Permissions>), Failure> {
     let refuse = |what: &str| Err(Diagnostic::new(what).in_file(path).into());
     let resolved = resolved(path);
     if std::fs::symlink_metadata(&resolved).is_ok_and(|meta| !meta.is_file()) {
-        return refuse("this is there already and is no file");
+        return refuse("this exists already and is not a file");
     }
     let there = std::fs::metadata(&resolved).ok().map(|meta| meta.permissions());
     if there.as_ref().is_some_and(Permissions::readonly) {

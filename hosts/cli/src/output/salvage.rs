@@ -26,7 +26,7 @@ pub enum Recovered {
 
 /// Completes a recording of a killed run under a free name, with a number from `first` on; 0 is none.
 pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
-    let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "this is no recording that was left");
+    let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "not a recording of a killed run");
     let name = growing.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(GROWING));
     let path = growing.with_file_name(name.filter(|name| !name.is_empty()).ok_or_else(not_growing)?);
     let Some(mut file) = left_over(growing)? else { return Ok(Recovered::Busy) };

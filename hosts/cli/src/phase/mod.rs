@@ -82,7 +82,11 @@ impl Method {
             graph.add_node(ID, kind, &[], OPTION)?;
         } else {
             let names = kinds.iter().copied().chain(["default"]).chain(OFFLINE);
-            return Err(wrong(OPTION, format!("`{kind}` is no phase-retrieval node"), one_of(kind, names)));
+            return Err(wrong(
+                OPTION,
+                format!("`{kind}` is not a phase-retrieval node"),
+                one_of(kind, names),
+            ));
         }
         for setting in settings {
             graph.set(&format!("{ID}.{setting}"), OPTION)?;

@@ -74,7 +74,7 @@ impl Link {
                 Ok(Message::Close(_)) => return Err("it closed the connection".to_owned()),
                 Ok(_) => {}
                 Err(Error::Io(e)) if waits(e.kind()) => {}
-                Err(Error::Utf8(_)) => return Err("it sent a text that is none".to_owned()),
+                Err(Error::Utf8(_)) => return Err("it sent a text that is not UTF-8".to_owned()),
                 Err(e) => return Err(e.to_string()),
             }
             if stopped() || Instant::now() >= end {

@@ -52,11 +52,11 @@ const DELAY_S: f64 = 0.5 / USUAL_HZ as f64;
 
 /// The kind of devices.
 pub(crate) const ARM: Arm = Arm {
-    input: ["haply_input", "A stylus on an Inverse3, by the Haply service."],
-    force: ["haply_force", "Renders a plane on an Inverse3, in the loop that talks to it."],
+    input: ["haply_input", "Reads the stylus of an Inverse3 through the Haply service."],
+    force: ["haply_force", "Renders a plane on an Inverse3, in its own servo loop."],
     // Our choice, for a hand that does not expect it.
     max_force_n: 3.0,
-    device: "Id of the device; empty where there is one.",
+    device: "Id of the device; may be empty if there is only one.",
     by: ["service", "ws://localhost:10001", "Address of the Haply service."],
     axes: "x,y,z",
     start,

@@ -45,11 +45,11 @@ static TAKEN: AtomicBool = AtomicBool::new(false);
 
 /// The kind of devices. The library has one scheduler, so one source excludes another.
 pub(crate) const ARM: Arm = Arm {
-    input: ["openhaptics_input", "A stylus on an arm, by the OpenHaptics library."],
+    input: ["openhaptics_input", "Reads the stylus of a haptic arm through the OpenHaptics library."],
     force: ["openhaptics_force", "Renders a plane on an OpenHaptics device, in the device's own servo loop."],
     max_force_n: 3.3,
-    device: "Name of the device as its set-up tool knows it; empty for the default.",
-    by: ["library", "", "The vendor's library libHD; empty to look where systems keep theirs."],
+    device: "Name of the device in its setup tool; empty: the default device.",
+    by: ["library", "", "File of the vendor's library libHD; empty: the system's usual folders."],
     axes: "x,-z,y",
     start,
     excludes: |_, _| true,

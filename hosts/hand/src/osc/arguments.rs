@@ -9,10 +9,9 @@ use crate::error;
 const GRAVITY: f64 = 9.806_65;
 
 /// Help in every error of a list.
-const HELP: &str = "list the message's arguments in their order, separated by commas, each with its unit: \
-    `x_mm, y_mm, -z_m, force_n, _, time_ms`. There are x, y, z in mm, cm or m; force in n or gf; pressure; \
-    stroke (or touch), 0 or 1; time in s, ms, us or ns; `_` for what is not used; and `-` before one \
-    to change its sign";
+const HELP: &str = "list the message's arguments in order, each with its unit, separated by commas: \
+    `x_mm, y_mm, -z_m, force_n, _, time_ms`. Positions are in mm, cm or m, forces in n or gf, times in s, \
+    ms, us or ns. `pressure`, `stroke` and `touch` have no unit. `_` skips an argument, `-` changes its sign";
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Meaning {

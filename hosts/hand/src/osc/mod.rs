@@ -102,19 +102,23 @@ struct OscInput;
 
 impl Node for OscInput {
     fn descriptor() -> Descriptor {
-        let anywhere = "Listen at an address that other machines reach, too. Anybody there can then move the \
-                        actuator.";
-        let arguments = "What each argument of a message is, with its unit: x, y, z in mm, cm or m; force_n; \
-                         pressure (0 to 1); touch (0 or 1); time_ms; `_` for one that means nothing here; a \
-                         minus turns an axis round.";
-        let most = "Force at full pressure, where messages say a pressure.";
-        let it = Descriptor::new("osc_input", "A stylus that some other program tracks, over OSC (UDP).")
-            .param(Param::text("listen", "127.0.0.1:9000", "Address and port to listen at."))
+        let anywhere =
+            "Allows an address that other machines can reach. Anyone there can then move the actuator.";
+        let arguments = "Meaning of each argument of a message, with its unit. Positions: x, y, z in mm, \
+                         cm or m, such as `x_mm`; a minus inverts an axis. Others: `force_n`, \
+                         `pressure` (0 to 1), `touch` (0 or 1), `time_ms`. `_` skips an argument.";
+        let most = "Force at full pressure, if messages have a pressure.";
+        let it = Descriptor::new("osc_input", "Reads a stylus that another program tracks, over OSC (UDP).")
+            .param(Param::text("listen", "127.0.0.1:9000", "Address and port to listen on."))
             .param(Param::flag("anywhere", false, anywhere))
-            .param(Param::text("address", "/stylus", "OSC address, or an OSC 1.0 pattern of addresses."))
+            .param(Param::text(
+                "address",
+                "/stylus",
+                "OSC address of the messages, or an OSC 1.0 address pattern.",
+            ))
             .param(Param::text("arguments", "x_mm, y_mm, z_mm", arguments))
             .param(Param::number("max_force_n", 3.3, 0.0..=100.0, most).unit("N"));
-        hand(it, (Unit::NEWTON, "how hard it presses, where a message says so"))
+        hand(it, (Unit::NEWTON, "normal force, if messages have it"))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
@@ -122,7 +126,7 @@ impl Node for OscInput {
         let arguments = p.text("arguments");
         let says = ["force", "pressure"].iter().any(|word| arguments.contains(word));
         if setup.outputs[place::FORCE].connected && !says {
-            let message = format!("`{}.force` is wired, but no argument of a message says it", setup.id);
+            let message = format!("`{}.force` is wired, but no argument of a message has it", setup.id);
             return Err(p
                 .error("arguments", message)
                 .help("send force_n too, or compute it with virtual_floor"));
@@ -143,7 +147,7 @@ fn parse_listen(text: &str) -> Result<SocketAddr, Diagnostic> {
     }
     text.parse().map_err(|_| {
         error(
-            format!("`{text}` is no address to listen at"),
+            format!("`{text}` is not an address to listen on"),
             "write an IP address and a port, such as 127.0.0.1:9000, or a port alone",
         )
     })

@@ -81,7 +81,7 @@ pub(super) fn tick(
     true
 }
 
-/// A device's side of a driver: its time, and the envelope and limits of what it plays.
+/// A device's side of a driver: its time, and the envelope and limits of its output.
 #[derive(Debug)]
 pub(super) struct Output {
     pub(super) controls: Arc<Controls>,

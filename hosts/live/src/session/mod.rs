@@ -76,7 +76,7 @@ impl std::error::Error for SessionError {}
 /// A lost device, until it is back. A thread opens it, which may take seconds.
 struct Loss {
     since: Instant,
-    /// Why it could not be opened last; a new reason is told.
+    /// Why it could not be opened last; a new reason is reported.
     reason: String,
     news: Receiver<Result<Card, OpenError>>,
     /// Dropped with this, which ends the thread.

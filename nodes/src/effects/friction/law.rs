@@ -130,8 +130,9 @@ impl Rubbing {
     /// F  = -(s0 z + s1(v) z' + F_n c v)
     /// ```
     ///
-    /// A stylus sticks up to `mu_s F_n` and slips at `mu_k F_n`. On a spring it sticks and slips by turns,
-    /// under two conditions. The bristle is stiff against the spring, and the mass is slow against `g / (s0
+    /// A stylus sticks up to `mu_s F_n` and slips at `mu_k F_n`. On a spring it alternately sticks and
+    /// slips, under two conditions. The bristle is stiff against the spring, and the mass is slow against `g
+    /// / (s0
     /// |v|)`, the time in which the bristle gives way. So a soft bristle glides where a stiff one jerks. With
     /// the usual settings, 0.2 kg on 300 N/m pulled at 30 mm/s jerk six times a second. At 500 Hz this is
     /// within 1 % of an integration at 1 MHz; a bristle of 10 N/mm takes 1 kHz.

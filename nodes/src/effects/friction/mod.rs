@@ -56,12 +56,15 @@ fn read(settings: &Settings) -> Result<Rubbing, Diagnostic> {
 /// Forms of the laws in a scene, with their usual values.
 fn effect() -> Effect {
     let usual = LuGreSettings::default();
-    let coefficient = |name, usual| number(name, usual, 0.0..=10.0, "").doc("friction over normal force");
+    let coefficient =
+        |name, usual| number(name, usual, 0.0..=10.0, "").doc("friction force divided by normal force");
     let bristle = |usual| {
-        number("bristle_stiffness_n_per_mm", usual, 1e-3..=1000.0, "N/mm").doc("stiffness of what sticks")
+        number("bristle_stiffness_n_per_mm", usual, 1e-3..=1000.0, "N/mm")
+            .doc("stiffness of the contact while it sticks")
     };
     let viscosity = |usual| {
-        number("viscosity_s_per_mm", usual, 0.0..=10.0, "s/mm").doc("part of the normal force per speed")
+        number("viscosity_s_per_mm", usual, 0.0..=10.0, "s/mm")
+            .doc("viscous friction, as a fraction of the normal force per mm/s")
     };
     let viscous_coulomb =
         Form::new("viscous_coulomb", "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)")
@@ -78,10 +81,10 @@ fn effect() -> Effect {
     .field(coefficient("static_coefficient", usual.static_coefficient))
     .field(coefficient("kinetic_coefficient", usual.kinetic_coefficient))
     .field(number("stribeck_speed_mm_s", usual.stribeck_speed_mm_s, 0.01..=1000.0, "mm/s"))
-    .doc("where it slips")
+    .doc("Stribeck speed: speed of the transition from sticking to slipping")
     .field(bristle(usual.bristle_stiffness_n_per_mm))
     .field(number("bristle_damping_ns_per_m", usual.bristle_damping_ns_per_m, 0.0..=1000.0, "N s/m"))
-    .doc("damping of what sticks")
+    .doc("damping of the contact while it sticks")
     .field(viscosity(usual.viscosity_s_per_mm));
     Effect::new("laws", Acts::Touching)
         .form(viscous_coulomb)
@@ -98,23 +101,19 @@ fn effect() -> Effect {
 
 impl Node for Friction {
     fn descriptor() -> Descriptor {
-        Descriptor::new(
-            "friction",
-            "Force against the motion along a surface, by the law of the one that is touched.",
-        )
-        .input(slot("which of `laws`, from 0; below 0 nothing is touched").wakes())
-        .input(control("velocity", 2, MM_S))
-        .doc("along the two tangents, as it is: behind a low-pass friction drives what it should brake")
-        .input(control("force", 1, N).doc("normal force"))
-        .input(control("tangents", 6, ONE).or(0.0).doc(
-            "two directions along the surface, of length 1: x, y, z of the first, then of the second; \
-             unconnected, x and y",
-        ))
-        .output(super::force("force on the stylus, x, y, z"))
-        .renders(effect())
-        .timing(
-            "no latency: the force of a tick's velocity in that tick; not called while nothing is touched",
-        )
+        Descriptor::new("friction", "Renders friction: a force against the motion along the touched surface.")
+            .input(slot("index into `laws`, from 0; below 0: no force").wakes())
+            .input(control("velocity", 2, MM_S))
+            .doc("unfiltered velocity along `tangents`; filtered velocity would make friction unstable")
+            .input(control("force", 1, N).doc("normal force"))
+            .input(
+                control("tangents", 6, ONE)
+                    .or(0.0)
+                    .doc("two unit vectors along the surface; if unconnected, x and y"),
+            )
+            .output(super::force("friction force on the stylus, x, y, z"))
+            .renders(effect())
+            .timing("no latency; sleeps while nothing is touched")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -159,8 +159,8 @@ fn effect() -> Effect {
         .form(
             Form::new("", "relief(heights: made(surface: \"hessian\"))")
                 .nested("heights")
-                .field(number("cutoff_hz", 1000.0, 20.0..=20_000.0, "Hz").doc("cutoff of the low-pass"))
-                .field(number("max_m_s2", 200.0, 0.1..=1e4, "m/s^2").doc("the largest acceleration"))
+                .field(number("cutoff_hz", 1000.0, 20.0..=20_000.0, "Hz").doc("corner of the low-pass"))
+                .field(number("max_m_s2", 200.0, 0.1..=1e4, "m/s^2").doc("largest acceleration"))
                 .field(gain()),
         )
         .check(|settings| heights(settings).map(drop))
@@ -175,8 +175,11 @@ fn heights(settings: &Settings) -> Result<Heights, Diagnostic> {
 impl Node for Relief {
     fn descriptor() -> Descriptor {
         gliding::descriptor(
-            ("relief", "A texture straight from the heights under the tip, as acceleration."),
-            "which of `reliefs`, from 0; below 0 none is felt",
+            (
+                "relief",
+                "Renders a texture from a height map: the acceleration of a tip that follows the heights.",
+            ),
+            "index into `reliefs`, from 0; below 0: silent",
             effect(),
         )
     }

@@ -40,11 +40,24 @@ fn effect() -> Effect {
             Form::new("", "(sinusoids: [(frequency_hz: 200, decay_ms: 10, gain: 30)])")
                 .nested("sinusoids")
                 .nested("recording")
-                .field(speed("min_speed_mm_s", usual.min_speed_mm_s, 0.0..=1000.0, "slower is silent"))
-                .field(speed("max_speed_mm_s", usual.max_speed_mm_s, 1.0..=10_000.0, "loudest from here on"))
+                .field(speed(
+                    "min_speed_mm_s",
+                    usual.min_speed_mm_s,
+                    0.0..=1000.0,
+                    "contacts below this approach speed are silent",
+                ))
+                .field(speed(
+                    "max_speed_mm_s",
+                    usual.max_speed_mm_s,
+                    1.0..=10_000.0,
+                    "approach speed above which a tap becomes no louder",
+                ))
                 .field(number("debounce_ms", usual.debounce_ms, 2.0..=1000.0, "ms"))
-                .doc("from one tap to the next")
-                .field(number("floor_m_s2", usual.floor_m_s2, 1e-6..=1.0, "m/s^2").doc("quieter is over")),
+                .doc("shortest time between two taps")
+                .field(
+                    number("floor_m_s2", usual.floor_m_s2, 1e-6..=1.0, "m/s^2")
+                        .doc("amplitude below which a tap ends"),
+                ),
         )
         .needs("approach", "approach")
         .needs("moment", "moment")
@@ -108,19 +121,16 @@ impl Node for Tap {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "tap",
-            "The transient of each contact, scaled by the speed of approach: decaying sinusoids, or \
-             recorded.",
+            "Renders the transient of each contact, scaled by approach speed: decaying sinusoids or a \
+             recording.",
         )
-        .input(slot("which of `taps` is struck, from 0; below 0 none"))
+        .input(slot("index into `taps`, from 0; below 0: silent"))
         .input(control("approach", 1, MM_S).wakes())
-        .doc("speed of approach in the tick of a contact, 0 in others")
-        .input(control("moment", 1, ONE).or(0.0).doc("the part of the tick at which the contact was, 0 to 1"))
-        .output(acceleration().doc("the transients"))
+        .doc("approach speed in the tick in which contact begins, else 0")
+        .input(control("moment", 1, ONE).or(0.0).doc("time of the contact within its tick, 0 to 1"))
+        .output(acceleration().doc("transients"))
         .renders(effect())
-        .timing(
-            "one tick: a contact sounds as late in the tick after it was as it was in its own; not called \
-             while nothing sounds",
-        )
+        .timing("latency of one tick; sleeps while silent")
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -22,13 +22,18 @@ fn effect() -> Effect {
                 .nested("segments")
                 .nested("recording")
                 .field(number("spacing_mm", 0.05, 1e-4..=100.0, "mm"))
-                .doc("distance of the values made of segments")
+                .doc("distance between the samples of a loop that is made of segments")
                 .field(number("crossfade_mm", 0.0, 0.0..=1e5, "mm"))
-                .doc("how much of the end fades into the start")
-                .field(choice("quantity", &["acceleration", "height"]).doc("quantity of segments"))
+                .doc("length over which the loop's end crossfades into its start")
+                .field(
+                    choice("quantity", &["acceleration", "height"]).doc("quantity that `segments` describe"),
+                )
                 .field(number("reference_speed_mm_s", 100.0, 0.1..=5000.0, "mm/s"))
-                .doc("sounds as drawn at this speed")
-                .field(number("speed_exponent", 1.0, 0.0..=2.0, "").doc("the level's power of the speed"))
+                .doc("speed at which the loop plays with the amplitude as drawn")
+                .field(
+                    number("speed_exponent", 1.0, 0.0..=2.0, "")
+                        .doc("exponent of the speed in the amplitude"),
+                )
                 .field(gain()),
         )
         .check(|settings| table(settings, false).map(drop))
@@ -37,7 +42,7 @@ fn effect() -> Effect {
 fn segment(pair: &Value) -> Result<(f64, f64), Diagnostic> {
     match pair.list()? {
         [distance, height] => Ok((distance.f64_in(-1e6..=1e6, "")?, height.f64_in(-1e6..=1e6, "")?)),
-        other => Err(pair.error(format!("{} numbers, where 2 are wanted", other.len()))),
+        other => Err(pair.error(format!("expected 2 numbers, found {}", other.len()))),
     }
 }
 
@@ -80,8 +85,8 @@ fn table(settings: &Settings, opens: bool) -> Result<Option<WaveformTable>, Diag
 impl Node for Waveform {
     fn descriptor() -> Descriptor {
         gliding::descriptor(
-            ("waveform", "A texture from a loop that is read by the distance travelled."),
-            "which of `loops`, from 0; below 0 none sounds",
+            ("waveform", "Renders a texture from a loop that is read by distance travelled."),
+            "index into `loops`, from 0; below 0: silent",
             effect(),
         )
     }

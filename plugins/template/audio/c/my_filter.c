@@ -87,7 +87,7 @@ static const AsperityPort outputs[] = {{
     .size = sizeof(AsperityPort),
     .carries = ASPERITY_AUDIO,
     .name = "out",
-    .doc = "a softer one",
+    .doc = "softer signal",
     .unit_var = 'u',
     .shape_var = 'r',
 }};
@@ -96,7 +96,7 @@ static const AsperityParam params[] = {{
     .size = sizeof(AsperityParam),
     .holds = ASPERITY_NUMBER,
     .name = "softness",
-    .doc = "How soft: 0 changes nothing.",
+    .doc = "Softness; 0 changes nothing.",
     .flags = ASPERITY_LIVE,
     .max = 0.999,
     .default_number = 0.9,

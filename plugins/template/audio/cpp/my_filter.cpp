@@ -37,7 +37,7 @@ AsperityKind make_kind() {
     input.name = "in";
     input.doc = "any signal";
     output.name = "out";
-    output.doc = "a softer one";
+    output.doc = "softer signal";
     // A unit or a rate with a letter is that of every port with the same letter.
     input.unit_var = output.unit_var = 'u';
     input.shape_var = output.shape_var = 'r';
@@ -46,7 +46,7 @@ AsperityKind make_kind() {
     param.size = sizeof(AsperityParam);
     param.holds = ASPERITY_NUMBER;
     param.name = "softness";
-    param.doc = "How soft: 0 changes nothing.";
+    param.doc = "Softness; 0 changes nothing.";
     param.flags = ASPERITY_LIVE;
     param.max = 0.999;
     param.default_number = 0.9;

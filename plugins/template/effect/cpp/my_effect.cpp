@@ -72,9 +72,9 @@ AsperityParam field(const char *name, const char *doc, const char *unit, double 
 // What the host calls. Where something could throw, it is caught and answered as ASPERITY_PANICKED.
 AsperityKind make_kind() {
     static AsperityPort inputs[] = {
-        port("slot", "which of `ridges`, from 0; below 0 none", "1", 1),
-        port("place", "along the tangents of the surface, and over it", "mm", 3),
-        port("tangents", "two directions along the surface, of length 1", "1", 6),
+        port("slot", "index into `ridges`, from 0; below 0: no force", "1", 1),
+        port("place", "stylus position along `tangents`, then height", "mm", 3),
+        port("tangents", "two unit vectors along the surface", "1", 6),
     };
     inputs[0].flags = ASPERITY_OPTIONAL | ASPERITY_WAKES;
     static const AsperityPort output = port("force", "force on the stylus", "N", 3);
@@ -83,7 +83,7 @@ AsperityKind make_kind() {
     param.size = sizeof(AsperityParam);
     param.holds = ASPERITY_TEXTS;
     param.name = "ridges";
-    param.doc = "Ridges, each a text as behind `my_effect` in a scene.";
+    param.doc = "Ridges of each slot, written as after `my_effect` in a scene.";
 
     AsperityKind kind = {};
     kind.size = sizeof(AsperityKind);
@@ -117,8 +117,8 @@ AsperityKind make_kind() {
 // What a scene may write behind `my_effect`, and what it connects to this node.
 AsperityEffect make_effect() {
     static const AsperityParam fields[] = {
-        field("force_n", "force to leave a ridge", "N", 0.0, 10.0, 0.3),
-        field("spacing_mm", "from ridge to ridge", "mm", 0.1, 100.0, 2.0),
+        field("force_n", "force that leaves a ridge", "N", 0.0, 10.0, 0.3),
+        field("spacing_mm", "distance between ridges", "mm", 0.1, 100.0, 2.0),
     };
     static AsperityForm form = {};
     form.size = sizeof(AsperityForm);

@@ -109,7 +109,7 @@ AsperityKind make_kind() {
     input.size = output.size = sizeof(AsperityPort);
     input.carries = ASPERITY_MAGNITUDE;
     input.name = "magnitude";
-    input.doc = "what the next frame is to have";
+    input.doc = "magnitudes of the next frame";
     output.carries = ASPERITY_SPECTRUM;
     output.name = "spectrum";
     output.doc = "the same magnitudes with phases";
@@ -121,14 +121,14 @@ AsperityKind make_kind() {
     param.size = sizeof(AsperityParam);
     param.holds = ASPERITY_NUMBER;
     param.name = "spread";
-    param.doc = "How far start phases are spread, in turns.";
+    param.doc = "Spread of the start phases, in turns.";
     param.max = 1.0;
     param.default_number = 1.0;
 
     AsperityKind kind = {};
     kind.size = sizeof(AsperityKind);
     kind.kind = "my_phase";
-    kind.summary = "Lets every bin run on at the frequency of its centre.";
+    kind.summary = "Continues every bin at its centre frequency.";
     kind.inputs = &input;
     kind.outputs = &output;
     kind.params = &param;

@@ -160,7 +160,7 @@ impl Wave {
         self.rms() < SILENCE_M_S2
     }
 
-    /// The envelope's spectrum over its mean, without what is slower than a frequency.
+    /// The envelope's spectrum over its mean, without frequencies below a limit.
     pub(super) fn ripple(&self, first_hz: f64) -> Band {
         let mean = self.envelope.iter().sum::<f64>() / self.envelope.len() as f64;
         let mut band = Band::new(&[&self.envelope], self.rate_hz, first_hz, f64::INFINITY);

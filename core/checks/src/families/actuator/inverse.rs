@@ -24,8 +24,8 @@ fn turn(hz: u32, n: u64) -> f64 {
     (u64::from(hz) * n % SECOND) as f64 / SECOND as f64
 }
 
-/// A kind of inverse of an actuator and a drive, with the drive that it makes of sines, 2 s each, then of a
-/// constant and of silence, 1 s each, all of 1 m/s^2.
+/// A kind of inverse of an actuator and a drive, with its output. The input is sines, 2 s each, then a
+/// constant and silence, 1 s each, all of 1 m/s^2.
 struct Driven {
     name: String,
     dynamics: Dynamics,
@@ -106,10 +106,10 @@ pub(super) fn band(subject: &Subject<'_>) -> Found {
             if (5.0..=1000.0).contains(&f) {
                 // The inverse's high-pass by its defaults.
                 let stated = db(Section::high_pass(20.0, FRAC_1_SQRT_2).response(f).norm());
-                let off = figures.at_most((db(got) - stated).abs(), 0.3, "dB off what is stated");
+                let off = figures.at_most((db(got) - stated).abs(), 0.3, "dB off the stated response");
                 off.map_err(|e| e.after(&name))?;
             }
-            figures.at_most(got, 1.1, "times what was asked").map_err(|e| e.after(&name))?;
+            figures.at_most(got, 1.1, "times the wanted acceleration").map_err(|e| e.after(&name))?;
         }
         let left = felt[felt.len() - SECOND as usize - 1].abs();
         let left = figures.at_most(left, 1e-4, "m/s^2 left of a constant after 1 s");

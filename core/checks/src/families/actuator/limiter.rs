@@ -359,7 +359,7 @@ fn judges(rig: &Rig) -> Result<Vec<Judge>, Stop> {
         let (Some((from, _)), Some(port)) = (input.from, &input.port) else { continue };
         let limiter = &rig.schedule.nodes[from];
         let Some(dynamics) = named(&limiter.params) else {
-            return not_applicable(format!("`{}` does not say of which actuator it is", limiter.id));
+            return not_applicable(format!("`{}` does not name its actuator", limiter.id));
         };
         let drive = if port.unit.symbol() == "V" { Drive::Voltage } else { Drive::Current };
         let slew_hz = limiter.params.get_number("slew_hz");

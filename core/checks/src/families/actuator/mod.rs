@@ -20,25 +20,25 @@ pub(super) const CASES: &[Case] = &[
     ACTUATOR.kinds(
         "inverse_band",
         inverse::band,
-        "the inverse is asked for sines from 1 Hz, where the actuator pushes nothing, to just below half \
-         the rate, far above its band, and for a constant",
+        "the input of the inverse is a sine, from 1 Hz (below the actuator's band) to just below half the \
+         rate (far above it). Then it is a constant",
         "with current and voltage drive, inverse and simulated actuator together are within 0.3 dB of a \
-         Butterworth high-pass at 20 Hz from 5 to 1000 Hz. They never give more than 1.1 times what is \
-         asked, and nothing for a constant after 1 s",
+         Butterworth high-pass at 20 Hz from 5 to 1000 Hz. Their output is never more than 1.1 times the \
+         input. After 1 s of a constant it is zero",
     ),
     ACTUATOR.kinds(
         "inverse_off",
         inverse::off,
         "the actuator's mass, spring and damping are each 20 % above or below those of the inverse: all \
          eight corners",
-        "from 20 to 400 Hz they are at most 8 dB off the right actuator. Within 0.5 s of the end the \
-         actuator is at rest, below 10^-6 of what was asked",
+        "from 20 to 400 Hz the output is at most 8 dB off that of the right actuator. Within 0.5 s of the \
+         end the actuator is at rest, below 10^-6 of the input",
     ),
     ACTUATOR.kinds(
         "full_scale_at_resonance",
         limiter::resonance,
-        "a sine at the actuator's resonance and at its peak current or voltage lasts ten minutes (a minute \
-         with effort `full`, 5 s with `quick`)",
+        "the input is a sine at the actuator's resonance, at its peak current or voltage. It lasts ten \
+         minutes (one minute with effort `full`, 5 s with `quick`)",
         "the simulated coil stays within its rated rms current over its thermal time constant and 1 % \
          more, and the mover within its stroke. No step from sample to sample is larger than that of the \
          sine: nothing clicks",

@@ -23,8 +23,8 @@ pub(super) const CASES: &[Case] = &[
     FILTERS.graph(
         "rates_of_graph",
         rates::graph,
-        "the graph runs at other rates than its own: 100 to 4000 ticks a second (with effort `long` every \
-         one of them), audio from 8 to 192 kHz, odd rates among them",
+        "the graph runs at other rates than its own: 100 to 4000 ticks per second, audio from 8 to 192 \
+         kHz, including odd rates. With effort `long` every tick rate is run",
         "it runs for 0.25 s, finite, without a fault, with every sample that belongs to a tick. Or it is \
          refused with a place in the file, as where a window of 0.1 s would not be whole. At its own rates \
          it runs",

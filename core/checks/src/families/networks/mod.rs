@@ -1,8 +1,8 @@
 //! A texture network that goes wrong: its output is nonsense, or its input is unlike its training.
 //!
 //! Every case but the last runs the subject's graph twice over the same motion, as it is and with the
-//! trouble, and compares the two. A trouble lasts a frame, a window (0.1 s), or for ever. A second after the
-//! first two the drive has its level back. That leaves a margin over what was measured: the window, the
+//! trouble, and compares the two. A fault lasts a frame, a window (0.1 s), or to the end. A second after the
+//! first two the drive has its level back. That leaves a margin over the measured times: the window, the
 //! memory of the actuator's inverse (0.2 s from its largest input), and the gain of the limiter, which comes
 //! back with a time constant of 0.2 s. After a window of 1e30 the level was within 0.5 dB after 0.7 s.
 
@@ -28,7 +28,7 @@ pub(super) const CASES: &[Case] = &[
     NETWORKS.graph(
         "network_not_finite",
         not_finite,
-        "the network's magnitudes are NaN or infinite: in single frames, for six frames, for ever",
+        "the network's magnitudes are NaN or infinite: in single frames, for six frames, to the end",
         "in every sample the drive is finite and within the bounds of the limiter. Only the network fails, \
          and nodes that do not depend on it go on to the bit. Up to seven bad frames: 1 s later the level \
          is back within 1 dB. From the eighth on it is silent",
@@ -36,37 +36,37 @@ pub(super) const CASES: &[Case] = &[
     NETWORKS.graph(
         "network_huge",
         huge,
-        "the network's magnitudes are 1e30: in one bin, in all, in a single frame, for a window, for ever. \
-         Or they are the largest number for a window",
+        "the network's magnitudes are 1e30: in one bin, in all, in a single frame, for a window, to the \
+         end. Or they are the largest number for a window",
         "in every sample the drive is finite and within the bounds of the limiter. No node fails, and \
          nodes that do not depend on the network go on to the bit. 1 s later the level is back within 1 dB",
     ),
     NETWORKS.graph(
         "network_negative",
         negative,
-        "the network's magnitudes are negative: every second, all, in a single frame, for a window, for \
-         ever",
+        "the network's magnitudes are negative: every second, all, in a single frame, for a window, to \
+         the end",
         "all that holds of `network_huge`. A negative magnitude counts as 0",
     ),
     NETWORKS.graph(
         "network_denormal",
         denormal,
-        "the network's magnitudes are denormal, 1e-40: in a single frame, for a window, for ever",
+        "the network's magnitudes are denormal, 1e-40: in a single frame, for a window, to the end",
         "no output of any other node ever holds a denormal number, which would cost time; and all that \
          holds of `network_huge`",
     ),
     NETWORKS.graph(
         "network_alternates",
         alternates,
-        "the network's magnitudes are 0 and 100 m/s^2 in all bins by turns, frame by frame, for a window \
-         and for ever",
+        "the network's magnitudes alternate between 0 and 100 m/s^2 in all bins, frame by frame, for a \
+         window and to the end",
         "all that holds of `network_huge`",
     ),
     NETWORKS.graph(
         "network_out_of_range",
         out_of_range,
-        "the network gets forces and speeds 10 times as large as in training, for half a second and for \
-         ever",
+        "the network gets forces and speeds 10 times as large as in training, for half a second and to \
+         the end",
         "its magnitudes stay finite and below 10 times the largest of the same stroke in range; and all \
          that holds of `network_huge`",
     ),
@@ -74,10 +74,10 @@ pub(super) const CASES: &[Case] = &[
         "network_steady",
         pulses::pulses,
         "speed and force are constant, over several materials: the network's magnitudes do not change",
-        "no texture pulses. Its envelope's autocorrelation from 20 to 200 ms is at most 0.25 above that of \
-         Gaussian noise of the same spectrum, and its modulation from 15 to 25 Hz at most 2.5 times as \
-         deep. For a material that repeats with place, the autocorrelation is at most 0.25 above it at any \
-         lag that is the same at 60, 82 and 131 mm/s",
+        "no texture pulses. It is compared with Gaussian noise of the same spectrum. Its envelope's \
+         autocorrelation from 20 to 200 ms is at most 0.25 higher. Its modulation from 15 to 25 Hz is at \
+         most 2.5 times as deep. For a material that repeats over place, only lags count that are the \
+         same at 60, 82 and 131 mm/s",
     ),
 ];
 
@@ -210,7 +210,7 @@ fn not_finite(subject: &Subject<'_>) -> Found {
     let wrongs = vec![
         Wrong { frames: 6, ..burst("six frames that are not finite", six) },
         once("one NaN", |_, bins| one(bins, f32::NAN)),
-        for_ever("NaN for ever", |_, bins| bins.fill(f32::NAN)),
+        for_ever("NaN to the end", |_, bins| bins.fill(f32::NAN)),
     ];
     Ok(spoil(subject, wrongs)?.1)
 }
@@ -228,7 +228,7 @@ fn huge(subject: &Subject<'_>) -> Found {
             }
         }),
         burst("the largest number in all bins for a window", |_, bins| bins.fill(f32::MAX)),
-        for_ever("1e30 for ever", all),
+        for_ever("1e30 to the end", all),
     ];
     Ok(spoil(subject, chosen(subject, wrongs))?.1)
 }
@@ -240,7 +240,7 @@ fn negative(subject: &Subject<'_>) -> Found {
         once("one frame of negative magnitudes", turned),
         burst("every second magnitude negative", |_, bins| bins.iter_mut().step_by(2).for_each(|m| *m = -*m)),
         burst("-1e30 in all bins for a window", |_, bins| bins.fill(-1e30)),
-        for_ever("negative magnitudes for ever", |_, bins| bins.fill(-1.0)),
+        for_ever("negative magnitudes to the end", |_, bins| bins.fill(-1.0)),
     ];
     Ok(spoil(subject, chosen(subject, wrongs))?.1)
 }
@@ -250,8 +250,8 @@ fn denormal(subject: &Subject<'_>) -> Found {
     let wrongs = vec![
         burst("denormal magnitudes for a window", all),
         once("one frame of denormal magnitudes", all),
-        burst("denormal and 0 by turns", |n, bins| bins.fill(1e-40 * (n % 2) as f32)),
-        for_ever("denormal magnitudes for ever", all),
+        burst("denormal and 0 alternately", |n, bins| bins.fill(1e-40 * (n % 2) as f32)),
+        for_ever("denormal magnitudes to the end", all),
     ];
     let (both, found) = spoil(subject, chosen(subject, wrongs))?;
     ensure!(both.denormals == 0, "{} denormal numbers in the outputs of other nodes", both.denormals);
@@ -260,8 +260,8 @@ fn denormal(subject: &Subject<'_>) -> Found {
 
 fn alternates(subject: &Subject<'_>) -> Found {
     let by_turns: Spoil = |n, bins| bins.fill(if n.is_multiple_of(2) { 100.0 } else { 0.0 });
-    let ever = for_ever("0 and most by turns, for ever", by_turns);
-    Ok(spoil(subject, vec![burst("0 and most by turns", by_turns), ever])?.1)
+    let ever = for_ever("0 and most alternately, to the end", by_turns);
+    Ok(spoil(subject, vec![burst("0 and most alternately", by_turns), ever])?.1)
 }
 
 /// Factor of the inputs beyond those of training.
@@ -273,7 +273,7 @@ fn out_of_range(subject: &Subject<'_>) -> Found {
     let nothing: Spoil = |_, _| {};
     let mut wrongs = [
         wrong("out of range for half a second", 0.5, u64::MAX, nothing),
-        for_ever("out of range for ever", nothing),
+        for_ever("out of range to the end", nothing),
     ];
     let ticks = timed(&mut wrongs, subject.its_graph()?.tick_hz);
     let (told, at) = (factors.clone(), wrongs.clone().map(|wrong| wrong.ticks));

@@ -178,7 +178,7 @@ pub(super) fn rests(subject: &Subject<'_>) -> Found {
         if turns > 0 && !fell {
             ensure!(
                 fast_mm_s <= fastest,
-                "{here} what is touched takes turns at {fast_mm_s:.1} mm/s; the bound is {fastest:.1}"
+                "{here} two sides take turns at {fast_mm_s:.1} mm/s; the bound is {fastest:.1}"
             );
             figures.note(fast_mm_s, "mm/s where two sides take turns");
         }

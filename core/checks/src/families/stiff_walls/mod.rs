@@ -7,7 +7,7 @@
 //!
 //! A force F_k that is read at x_k and held over a tick gives `F_k (x_k+1 - x_k)`. A device's damping b
 //! takes least at a speed that is constant from tick to tick: `b sum (x_k+1 - x_k)^2 / T`. The cases play
-//! such motions, so no device with this damping can take what they find. A wall `F = -K x` gives
+//! such motions, so no device with this damping can extract more. A wall `F = -K x` gives
 //!
 //! ```text
 //! -K x_k (x_k+1 - x_k) = U(x_k) - U(x_k+1) + K (x_k+1 - x_k)^2 / 2,    U = K x^2 / 2
@@ -37,41 +37,42 @@ pub(super) const CASES: &[Case] = &[
     WALLS.graph(
         "own_wall_energy",
         |s| own(s, inside),
-        "a device without a hand is thrown at the graph's own walls, at the graph's own rate. Its damping \
-         is 2 % above b = K (T/2 + t_d) + B: K from the force at rest, B as the wall tells it (more where \
-         drags add to it), t_d as the graph declares",
-        "no energy is made: in no tick have device and wall together more than at first (within 1e-4, to \
-         which the energy of the wall is measured). No motion takes out more than the bound. With twice the \
-         damping it lies still after 60 m / b",
+        "a device without a hand hits the graph's own walls, at the graph's own rate. Its damping is 2 % \
+         above b = K (T/2 + t_d) + B. K follows from the force at rest, B is the wall's damping plus \
+         drags, t_d is the declared delay",
+        "no energy is generated. In every tick, device and wall have at most their initial energy, within \
+         1e-4, the accuracy of the wall's energy. No motion extracts more than the bound. With twice the \
+         damping the device rests after 60 m / b",
     ),
     WALLS.graph(
         "own_wall_in_steps",
         |s| own(s, |w, n, s, f| quantum::below(w, n, s, f).and_then(|()| quantum::above(w, n, s, f))),
-        "a sensor tells places in steps D = 0.055 mm. Dry friction c of the device below K D / 2 (13.8 mN at \
-         0.5 N/mm) lets the wall tremble. The device has 1.5 and 4 times the damping b that it needs",
-        "after 40 m / (b - K T/2) it trembles within 10 % no further than (D/2 + c/K) coth(pi z / (2 \
-         sqrt(1 - z^2))) around rest, z = (b - K T/2) / (2 sqrt(K m)), and no faster (rms) than (K D / 2 - \
-         c) / (b - K T/2). At rest between two steps, without dry friction, its speed is at least f / b \
-         sqrt(1 - tanh(s/2) / (s/2)), where f is the least error of the force there and s = b T/m. Motions \
-         across the border of a step take out what K D / 2 stands for within 0.1 %. With c above K D / 2 it \
-         lies still, to the last bit, after A K / (4 (c - K D / 2)) swings and one more",
+        "a sensor has steps D = 0.055 mm. The wall trembles if the device's dry friction c is below K D / \
+         2 (13.8 mN at 0.5 N/mm). The device has 1.5 and 4 times the damping b that it needs",
+        "let z = (b - K T/2) / (2 sqrt(K m)). After 40 m / (b - K T/2) it trembles at most (D/2 + c/K) \
+         coth(pi z / (2 sqrt(1 - z^2))) around rest, within 10 %. Its rms speed is at most (K D / 2 - c) \
+         / (b - K T/2). Between two steps, without dry friction, its speed is at least f / b sqrt(1 - \
+         tanh(s/2) / (s/2)). Here f is the least error of the force and s = b T/m. Motions across the \
+         border of a step extract the energy of K D / 2 within 0.1 %. With c above K D / 2 it rests, to \
+         the last bit, after A K / (4 (c - K D / 2)) swings and one more",
     ),
     WALLS.graph(
         "own_wall_under_a_hand",
         |s| own(s, under_a_hand),
-        "a hand in a pen grip presses a device into the graph's own walls: light and heavy, loose and firm \
-         (9 hands, 3 with effort `quick`, 27 with `long`)",
-        "no energy is made. Once 24 M / B of hand, device and arm have gone by, it lies still to 1 um. \
-         With a sensor in steps its rms speed is within the bound of the wall in steps",
+        "a hand in a pen grip presses a device into the graph's own walls. Hands are light and heavy, \
+         loose and firm (9 hands, 3 with effort `quick`, 27 with `long`)",
+        "no energy is generated. After 24 M / B of hand, device and arm, it rests within 1 um. With a \
+         sensor in steps its rms speed is within the bound of `own_wall_in_steps`",
     ),
     WALLS.graph(
         "contact_chatter",
         chatter::rests,
         "a device of 0.1 kg falls on the walls of the graph: at their edges, in their middle, into their \
          corners. It rests there under f = 0.3 N, with a sensor in steps of 0.055 mm",
-        "contact is made at most 2 + ln(v m w / f) / (pi z) times, and neither made nor broken in the last \
-         half of 6 s. Where two walls, or two slopes of one, take turns, the device is no faster than (3 \
-         sqrt(2) h f^2 / (2 b m))^(1/3) + 2 f T / m, with the usual hysteresis h = 0.1 mm",
+        "contact begins at most 2 + ln(v m w / f) / (pi z) times. In the last half of 6 s it neither \
+         begins nor ends. Where two walls, or two slopes of one wall, take turns, the device's speed is \
+         bounded. The bound is (3 sqrt(2) h f^2 / (2 b m))^(1/3) + 2 f T / m, with the hysteresis h = 0.1 \
+         mm",
     ),
 ];
 
@@ -191,7 +192,7 @@ struct Round {
 }
 
 /// Moves twice through places outside the surface \[mm\], one per run of the wall, at constant speed between
-/// them, with a sensor in steps of `step_mm`, if that is above 0. The second round counts.
+/// them. The sensor has steps of `step_mm`, if that is above 0. The second round counts.
 fn round(wall: &mut Wall, near: &Near, places_mm: &[f64], step_mm: f64) -> Round {
     let every = wall.every;
     let seen = |x: f64| if step_mm > 0.0 { (x / step_mm).round() * step_mm } else { x };

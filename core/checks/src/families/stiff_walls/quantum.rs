@@ -152,7 +152,7 @@ pub(super) fn below(
     let within = taken <= needed * 1.001;
     ensure!(within, "a motion over the borders of steps takes out {got:.3} mN; the bound is {all:.3}");
     let reached = !near.is_hooke() || taken >= needed * 0.999;
-    ensure!(reached, "motions over the borders of steps take out {got:.3} mN; {all:.3} are to be had");
+    ensure!(reached, "motions over the borders of steps take out {got:.3} mN instead of {all:.3} mN");
     figures.note(all, "mN of dry friction taken by steps");
     let times = [1.5, 4.0].into_iter().flat_map(|times| [0.14, 0.5].map(|radians| (times, radians)));
     for ((times, radians), part) in times.flat_map(|it| [0.0, 0.5].map(|part| (it, part))) {

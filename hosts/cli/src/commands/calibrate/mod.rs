@@ -164,7 +164,7 @@ fn calibrate(args: &Args, change: &mut dyn FnMut(f64) -> Result<(), Failure>) ->
         let text = write_profile(&findings, &base, Some(&today));
         // It must be possible to read it again.
         ActuatorProfile::parse(&Source::new("the measured profile", text.clone()))
-            .map_err(|d| refused(format!("the measured figures are those of no usable actuator: {d}")))?;
+            .map_err(|d| refused(format!("the measured figures do not describe a usable actuator: {d}")))?;
         files.push(profile_file.fill(&text)?);
     }
     report.written = keep_all(files)?;

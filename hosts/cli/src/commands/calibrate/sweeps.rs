@@ -121,9 +121,9 @@ impl<'a> Bench<'a> {
         let (channel, Amplifier { unit, level, option, .. }) = (self.args.input_channel, self.amplifier);
         refused(if amplitude <= QUIET * level {
             format!(
-                "input channel {channel} clips in the quiet sweep of {amplitude:.3} {unit} already \
-                 (at {hz:.0} Hz): lower the input's gain, and give its --accelerometer-full-scale; \
-                 or is this another signal than the accelerometer's?"
+                "input channel {channel} clips in the quiet sweep of {amplitude:.3} {unit} already (at \
+                 {hz:.0} Hz): lower the input's gain, and give its --accelerometer-full-scale. Is this \
+                 the accelerometer's channel?"
             )
         } else {
             format!(
@@ -254,11 +254,10 @@ impl<'a> Bench<'a> {
             let (amplitude, channel) = (quiet.amplitude, output.channel());
             return Err(refused(format!(
                 "input channel {input_channel} does not follow the quiet sweep of {amplitude:.3} {unit} \
-                 on channel {channel}: coherence {coherence:.2}, {:.0} dB of full scale before the sweep \
-                 and {:.0} dB from its start on. \
-                 Is the amplifier on? Does the actuator move (asperity tone --channel {channel})? \
-                 Is the accelerometer on another channel (--input-channel)? \
-                 If all is right but faint, raise the level or the input's gain",
+                 on channel {channel}. Coherence {coherence:.2}; {:.0} dB of full scale before the sweep, \
+                 {:.0} dB during it. Is the amplifier on? Does the actuator move (asperity tone --channel \
+                 {channel})? Is the accelerometer on another channel (--input-channel)? If all is right \
+                 but faint, raise the level or the input's gain",
                 db(before),
                 db(during)
             )));

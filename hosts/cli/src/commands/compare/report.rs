@@ -47,7 +47,7 @@ pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
              Pulses: modulation depth of the envelope from 15 to 25 Hz. \
              Repetition: largest autocorrelation of the\n\
              envelope or the wave at lags of 20 to 200 ms. \
-             Right is what Gaussian noise of the same spectrum has.\n\n"
+             The target is the value of Gaussian noise with the same spectrum.\n\n"
         );
         let fair = [Row { rhythm: Some(noise), ..Row::new("Gaussian noise", set) }];
         let heads = ["pulses", "repetition", "kurtosis"].map(|head| [head.to_owned(), String::new()]);

@@ -186,7 +186,7 @@ fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
 }
 
 fn json<T: DeserializeOwned + Default>(files: &Files, path: &Path) -> Result<T, Diagnostic> {
-    let fail = |e| Diagnostic::new(format!("this is not the JSON that is wanted: {e}")).in_file(path);
+    let fail = |e| Diagnostic::new(format!("this JSON does not have the expected form: {e}")).in_file(path);
     files.get(path).map_or(Ok(T::default()), |bytes| serde_json::from_slice(bytes).map_err(fail))
 }
 
@@ -194,7 +194,7 @@ fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector
     let ending = name.rsplit_once('_').and_then(|(_, rate)| rate.parse().ok());
     let rate = index[name]["fs"].as_f64().or(ending);
     let Some(rate) = rate.filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {
-        return Err(Diagnostic::new("nothing says at which rate this vector is")
+        return Err(Diagnostic::new("the rate of this vector is unknown")
             .help("end its name in the rate, as in texture_2500.mag.npy, or give it an `fs` in index.json"));
     };
     let array = npy::parse(bytes)?;

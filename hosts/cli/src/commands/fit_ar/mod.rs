@@ -128,7 +128,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let name = args.recording.file_name().unwrap_or_default().to_string_lossy();
     let seconds: f64 = fitted.segments.iter().map(|s| s.length_s).sum();
     let file = TextureFile {
-        description: args.description.clone().unwrap_or_else(|| format!("What was felt in {name}.")),
+        description: args.description.clone().unwrap_or_else(|| format!("Texture of the recording {name}.")),
         origin: format!("Fitted by `asperity fit-ar` to {seconds:.1} s of {name}."),
         texture: (*texture).clone(),
     };
@@ -142,7 +142,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let whole_s = recorded.force_n.len() as f64 / recorded.rate_hz;
     if seconds < LITTLE * whole_s {
         warn(&format!(
-            "only {seconds:.1} s of {whole_s:.1} s are used; the report says what is dropped, and why"
+            "only {seconds:.1} s of {whole_s:.1} s are used; the report lists the dropped seconds and the \
+             reasons"
         ));
     }
     let (recorded, texture, fitted) = (&recorded, &texture, &fitted);
@@ -179,7 +180,7 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
     let is_array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
         if is_array {
-            let what = "nothing says what the columns of this array are";
+            let what = "the columns of this array have no names";
             return Err(wrong(
                 path,
                 what,

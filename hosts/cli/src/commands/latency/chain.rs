@@ -78,8 +78,8 @@ pub fn measure(ready: Ready) -> Result<Chain, Failure> {
         let what = "the level does not rise with speed, so no answer to a step of it can be seen";
         let help = match schedule.with_role(Role::Contact).next() {
             Some(_) => {
-                "the stroke goes 10 m along x at y = 0, 2 mm deep: make the surface a `plane`, or \
-                 a rectangle of that length, of a material whose level follows speed"
+                "the stroke is 10 m along x at y = 0, 2 mm deep: use a `plane` or a rectangle of that \
+                 length, with a material whose level follows speed"
             }
             None => "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\"",
         };

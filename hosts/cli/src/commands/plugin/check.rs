@@ -1,8 +1,8 @@
 //! `asperity plugin check`: runs the node cases over a plugin, in a process of its own.
 //!
 //! A plugin that crashes ends the process of the cases. A new process goes on with the next case. A plugin
-//! that does not answer is killed. Not seen are locks and system calls of a plugin, its threads, memory that
-//! it does not take from the C library, and writes to foreign memory that do not crash.
+//! that does not answer is killed. It does not see locks, system calls and threads of a plugin, nor memory
+//! that is not from the C library. It does not see writes to foreign memory that do not crash.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};

@@ -106,7 +106,7 @@ impl Witness for Line {
     }
 }
 
-/// Ends this process with its parent: a plugin in an endless loop would run for ever.
+/// Ends this process with its parent: a plugin in an endless loop would never end.
 fn end_with_parent() {
     #[cfg(unix)]
     {

@@ -60,13 +60,13 @@ static SDK: [(&str, Dir<'_>); 6] = [
     ("plugins/sdk", include_dir!("$CARGO_MANIFEST_DIR/../../plugins/sdk")),
 ];
 
-/// Names that a crate, a variable or a library cannot have, separated by spaces.
-const RESERVED: &str = "\
-    abstract alloc as asperity asperity_abi asperity_node asperity_sdk asperity_diagnostics \
-    asperity_numbers asperity_state async await become box break build c const continue core crate \
-    default deps do dyn else enum examples extern false final fn for gen if impl in incremental let \
-    loop m macro match mod move mut override priv proc_macro pthread pub ref return self static std \
-    stdc struct super test trait true try type typeof union unsafe unsized use virtual where while \
+/// Names that a crate, a variable or a library cannot have.
+const RESERVED: &str = r"
+    abstract alloc as asperity asperity_abi asperity_node asperity_sdk asperity_diagnostics
+    asperity_numbers asperity_state async await become box break build c const continue core crate
+    default deps do dyn else enum examples extern false final fn for gen if impl in incremental let
+    loop m macro match mod move mut override priv proc_macro pthread pub ref return self static std
+    stdc struct super test trait true try type typeof union unsafe unsized use virtual where while
     yield";
 
 pub fn run(args: &Args) -> Result<(), Failure> {
@@ -111,7 +111,7 @@ fn checked(path: &str) -> Result<&str, Diagnostic> {
                  it is the kind's name in graph files",
         ));
     }
-    if RESERVED.split(' ').any(|word| word == name) {
+    if RESERVED.split_whitespace().any(|word| word == name) {
         return Err(Diagnostic::new(format!("`{name}` means something in Rust, C or C++ already"))
             .help("choose another name"));
     }

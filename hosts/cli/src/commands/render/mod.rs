@@ -1,4 +1,4 @@
-//! `asperity render`: runs a graph as fast as it goes and writes what it puts out.
+//! `asperity render`: runs a graph as fast as possible and writes its output.
 
 pub mod plot;
 pub mod recorder;
@@ -85,9 +85,9 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let schedule = &compiled.schedule;
     nothing_live(args, schedule)?;
     let ticks = load::ticks(args.seconds, schedule)?.ok_or_else(|| {
-        Diagnostic::new("no source of this graph says how long it lasts")
+        Diagnostic::new("no source of this graph has a duration")
             .in_file(&args.graph.graph)
-            .help("say how long to render: --seconds S")
+            .help("give the duration: --seconds S")
     })?;
     load::warn_about(schedule);
 
@@ -196,7 +196,7 @@ fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
     let node = &schedule.nodes[node];
     Err(wrong(
         &args.graph.graph,
-        format!("`{}` ({}) is live, and a render hears nothing of it", node.id, node.kind),
+        format!("`{}` ({}) needs a live device, and a render has none", node.id, node.kind),
         "play a stroke in its place: --input TRAJ.csv; or run the graph live: asperity run",
     ))
 }

@@ -255,7 +255,7 @@ impl Master {
         schedule.with_role(Role::AudioOutput).map(|(i, _)| i).collect()
     }
 
-    /// Records the tick that has just run, held to its limits.
+    /// Records the tick that has just run, limited like the output.
     pub fn take(&mut self, engine: &Engine, output_limits: Option<&mut OutputLimits>) -> Result<(), Failure> {
         let channels = self.nodes.len();
         let all = self.nodes.iter().map(|&node| samples(engine.output(node, 0)));

@@ -1,4 +1,4 @@
-//! Figures of a render, as text and as JSON, and what `asperity run` reports in the same words.
+//! Figures of a render, as text and as JSON, and the parts that `asperity run` reports in the same words.
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
@@ -89,7 +89,7 @@ pub fn out_of_range(facts: &[Fact]) -> Vec<String> {
         Some(FactValue::Count(n)) => *n,
         _ => 0,
     };
-    let most = |name: &str| find(name).map_or("what is known".to_owned(), |f| f.value.to_string());
+    let most = |name: &str| find(name).map_or("the known range".to_owned(), |f| f.value.to_string());
     let mut out = Vec::new();
     if let n @ 1.. = count("force_out_of_range") {
         out.push(format!("{n} frames with a force outside 0 to {}, held there", most("trained_force")));
@@ -110,7 +110,7 @@ pub fn clipped(facts: &[Vec<Fact>]) -> u64 {
     clipped.map(|f| if let FactValue::Count(n) = f.value { n } else { 0 }).sum()
 }
 
-/// Says how many samples were cut, and what to do.
+/// Says how many samples were cut, and the remedy.
 pub fn cut_at_full_scale(samples: u64) -> String {
     format!("{samples} samples were cut at the card's full scale: raise its volts or amplify more")
 }

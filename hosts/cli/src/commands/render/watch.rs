@@ -119,7 +119,7 @@ fn outs_of(schedule: &Schedule) -> Vec<String> {
     Master::channels(schedule).into_iter().map(|i| schedule.nodes[i].id.clone()).collect()
 }
 
-/// Refuses a change of what the render writes while it runs.
+/// Refuses a change of the written files while the render runs.
 fn same_sinks(old: &Schedule, new: &Schedule) -> Result<(), String> {
     let recorded = |s: &Schedule| -> Vec<(String, String)> {
         s.nodes.iter().filter(|n| is_recorded(n)).map(|n| (n.id.clone(), shape(n))).collect()

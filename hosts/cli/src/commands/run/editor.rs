@@ -254,7 +254,7 @@ impl Editor {
         }
     }
 
-    /// Continues the job under way with what the other thread sent. Answers a message for the user.
+    /// Continues the job under way with the other thread's message. Answers a message for the user.
     fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
         let mut job = self.job.take()?;
         if let Stage::Making(from) = &job.stage {

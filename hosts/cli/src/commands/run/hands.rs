@@ -108,7 +108,7 @@ fn input_of<'s>(schedule: &'s Schedule, force: &ScheduledNode) -> Result<&'s Sch
     let same = |n: &&ScheduledNode| n.kind == kind && n.params.text("device") == force.params.text("device");
     schedule.nodes.iter().find(same).ok_or_else(|| {
         let message =
-            format!("`{}` ({}) pushes back with a device that no {kind} reads", force.id, force.kind);
+            format!("`{}` ({}) renders force on a device that no {kind} reads", force.id, force.kind);
         let help = format!("add a {kind} with the same `device`: a wall needs the stylus's position");
         at(force, Diagnostic::new(message).help(help)).into()
     })

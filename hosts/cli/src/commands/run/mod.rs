@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     hands.go_on_with(opened, schedule);
     if args.page.is_none() {
         for node in hands::pointers(schedule) {
-            warn(&format!("`{}` is moved on the live page, and nobody serves it: add --page", node.id));
+            warn(&format!("`{}` is moved on the live page: add --page", node.id));
         }
     }
     if args.watch {

@@ -171,7 +171,7 @@ impl Order {
                     Ok((made, opened))
                 });
                 let (first, second) = (failure.reason(), again.as_ref().err().map(Failure::reason));
-                let what = "what it was to replace cannot be had again";
+                let what = "the graph before it cannot be restored";
                 let lost = format!("{first}\nand {what}: {}", second.unwrap_or_default());
                 again
                     .map(|(made, opened)| Ready {

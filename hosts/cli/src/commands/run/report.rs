@@ -128,7 +128,7 @@ impl Run<'_> {
         }
         if view.guarded > 0 {
             let text =
-                format!("{} samples were held to the actuator's limits behind the graph", view.guarded);
+                format!("{} samples were limited after the graph, to protect the actuator", view.guarded);
             line("guard", text);
         }
         if let samples @ 1.. = self.clipped() {

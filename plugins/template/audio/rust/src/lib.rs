@@ -16,8 +16,8 @@ impl Node for MyFilterNode {
         let audio = ShapeSpec::Audio(RateSpec::Of('r'));
         Descriptor::new("my_filter", "Softens a signal.")
             .input(Input::new("in", audio, Unit::NONE).unit_of('u').doc("any signal"))
-            .output(Output::new("out", audio, Unit::NONE).unit_of('u').doc("a softer one"))
-            .param(Param::number("softness", 0.9, 0.0..=0.999, "How soft: 0 changes nothing.").live())
+            .output(Output::new("out", audio, Unit::NONE).unit_of('u').doc("softer signal"))
+            .param(Param::number("softness", 0.9, 0.0..=0.999, "Softness; 0 changes nothing.").live())
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {

@@ -16,8 +16,8 @@ impl Node for MyEffectNode {
     fn descriptor() -> Descriptor {
         // What a scene may write behind `my_effect`, and what it connects to this node.
         let form = Form::new("", "(force_n: 0.3, spacing_mm: 2)")
-            .field(Param::number("force_n", 0.3, 0.0..=10.0, "force to leave a ridge").unit("N"))
-            .field(Param::number("spacing_mm", 2.0, 0.1..=100.0, "from ridge to ridge").unit("mm"));
+            .field(Param::number("force_n", 0.3, 0.0..=10.0, "force that leaves a ridge").unit("N"))
+            .field(Param::number("spacing_mm", 2.0, 0.1..=100.0, "distance between ridges").unit("mm"));
         let effect = Effect::new("ridges", Acts::Touching)
             .form(form)
             .needs("place", "place")
@@ -32,18 +32,18 @@ impl Node for MyEffectNode {
                 Input::new("slot", ShapeSpec::Control(1), Unit::NONE)
                     .or(0.0)
                     .wakes()
-                    .doc("which of `ridges`, from 0; below 0 none"),
+                    .doc("index into `ridges`, from 0; below 0: no force"),
             )
             .input(
                 Input::new("place", ShapeSpec::Control(3), Unit::MILLIMETRE)
-                    .doc("along the tangents of the surface, and over it"),
+                    .doc("stylus position along `tangents`, then height"),
             )
             .input(
                 Input::new("tangents", ShapeSpec::Control(6), Unit::NONE)
-                    .doc("two directions along the surface, of length 1"),
+                    .doc("two unit vectors along the surface"),
             )
             .output(Output::new("force", ShapeSpec::Control(3), Unit::NEWTON).doc("force on the stylus"))
-            .param(Param::texts("ridges", "Ridges, each a text as behind `my_effect` in a scene."))
+            .param(Param::texts("ridges", "Ridges of each slot, written as after `my_effect` in a scene."))
             .effect(effect)
     }
 

@@ -1,9 +1,9 @@
 //! `my_phase`: a phase-retrieval node to change.
 //!
-//! It is told how strong each frequency is to be, frame by frame, and has to find phases with which
-//! overlapping frames agree. This one lets every bin run on at the frequency of its centre, which is
-//! simple and not very good: a sinusoid that lies between two bins beats. `asperity compare --plugin`
-//! says how it does beside all others.
+//! Its input is the strength of each frequency, frame by frame. It finds phases with which overlapping
+//! frames agree. This one lets every bin run on at the frequency of its centre, which is simple and not very
+//! good: a sinusoid that lies between two bins beats. `asperity compare --plugin` says how it does beside
+//! all others.
 
 use std::f64::consts::TAU;
 
@@ -27,23 +27,23 @@ pub struct MyPhaseNode {
 
 impl Node for MyPhaseNode {
     fn descriptor() -> Descriptor {
-        Descriptor::new("my_phase", "Lets every bin run on at the frequency of its centre.")
+        Descriptor::new("my_phase", "Continues every bin at its centre frequency.")
             .input(
                 Input::new("magnitude", ShapeSpec::Magnitude(LayoutSpec::Of('l')), Unit::NONE)
                     .unit_of('u')
-                    .doc("what the next frame is to have"),
+                    .doc("magnitudes of the next frame"),
             )
             .output(
                 Output::new("spectrum", ShapeSpec::Spectrum(LayoutSpec::Of('l')), Unit::NONE)
                     .unit_of('u')
                     .doc("the same magnitudes with phases"),
             )
-            .param(Param::number("spread", 1.0, 0.0..=1.0, "How far start phases are spread, in turns."))
+            .param(Param::number("spread", 1.0, 0.0..=1.0, "Spread of the start phases, in turns."))
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let Some(Shape::Magnitude(layout)) = setup.input(0).map(|p| p.shape) else {
-            return Err(setup.params.node_error("nothing settles the layout of the frames"));
+            return Err(setup.params.node_error("the layout of the frames cannot be determined"));
         };
         let mut node = Self {
             length: f64::from(layout.length),
