@@ -67,7 +67,7 @@ pub fn registry() -> Registry {
         .with::<sinks::Probe>()
 }
 
-/// The README's code must compile.
+/// The code of the docs must compile.
 #[cfg(doctest)]
-#[doc = include_str!("../../README.md")]
-struct Readme;
+#[doc = include_str!("../../docs/how-to/write-a-graph-and-a-node.md")]
+struct Docs;
