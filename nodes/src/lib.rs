@@ -76,3 +76,8 @@ pub fn registry() -> Registry {
         .with::<sinks::FileOut>()
         .with::<sinks::Probe>()
 }
+
+/// The code of the docs must compile.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/how-to/write-a-graph-and-a-node.md")]
+struct Docs;

@@ -151,3 +151,11 @@ fn every_shipped_graph_says_what_it_shows_and_compiles() {
     }
     assert!(count > 0);
 }
+
+#[test]
+fn the_graph_in_the_docs_compiles() {
+    let name = "docs/how-to/write-a-graph-and-a-node.md";
+    let page = std::fs::read_to_string(harness::root().join(name)).unwrap();
+    let block = page.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
+    runs(&harness::graph::parsed(block), name);
+}

@@ -145,7 +145,7 @@ fn shipped_renders_have_the_kept_bits_on_a_cpu_of_2008() {
     });
 }
 
-/// tract has kernels of its own for each CPU. What it may differ by is stated in docs/accuracy.md.
+/// tract has kernels of its own for each CPU. docs/explanation/accuracy.md says how far it may differ.
 #[test]
 fn network_by_tract_stays_within_its_tolerance_on_an_old_cpu() {
     let Some(emulator) = emulator() else { return };

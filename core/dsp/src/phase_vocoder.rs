@@ -13,7 +13,7 @@
 //!
 //! Steady magnitudes come back 10 log10(2/3) = -1.76 dB too quiet: overlap-add with two Hann windows scales
 //! every oscillator by 2/3, and each is seen in three bins with the squares 1/4, 1, 1/4. [`Level::Keep`]
-//! compensates that. Figures of all methods are in `docs/accuracy.md`.
+//! compensates that. Figures of all methods are in `docs/explanation/accuracy.md`.
 
 use crate::float::{phasor, unit_circle};
 use crate::magnitude::{largest_of, take};

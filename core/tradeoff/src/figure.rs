@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// A figure of accuracy. `docs/accuracy.md` has the formulas and their sources.
+/// A figure of accuracy. `docs/explanation/accuracy.md` has the formulas and their sources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Figure {
@@ -97,7 +97,7 @@ impl Figure {
     }
 
     /// Difference from which on two signals clearly feel different, where that is known
-    /// (docs/accuracy.md, "How much is much").
+    /// (docs/explanation/accuracy.md, "How much is much").
     pub fn clearly(self) -> Option<f64> {
         self.facts().4
     }

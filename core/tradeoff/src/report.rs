@@ -74,7 +74,7 @@ impl Results {
         if let Some(figure) = first.into_iter().find(|f| !self.pareto_front(*f).is_empty()) {
             out += &format!(
                 "![{}]({})\n\nAll pictures, over time: {}.\nOver lag: {}.\n\
-                 docs/accuracy.md explains the figures.\n\n",
+                 docs/explanation/accuracy.md explains the figures.\n\n",
                 figure.title(),
                 Self::picture_name(figure, "time"),
                 self.links("time", Row::load),

@@ -3,8 +3,8 @@
 //!
 //! A texture's waveform is a draw: two strokes over two places of one surface share no sample. They share the
 //! power of each frequency at each moment, so the figures compare spectra over 20 to 1000 Hz
-//! ([`Spectrogram`]). Only [`waveform_db`] compares samples, of two runs of one setting. `docs/accuracy.md`
-//! explains the figures.
+//! ([`Spectrogram`]). Only [`waveform_db`] compares samples, of two runs of one setting.
+//! `docs/explanation/accuracy.md` explains the figures.
 //!
 //! # Silence
 //!

@@ -28,7 +28,8 @@ const LITTLE: f64 = 0.022_750_13;
 ///
 /// This is the spectral part of ST-SIM (R. Hassen and E. Steinbach, IEEE Trans. Haptics 13(1), 2020), with
 /// the threshold curve and masks of VC-PWQ (A. Noll, B. Gulecyuz, A. Hofmann, E. Steinbach, IEEE Haptics
-/// Symposium 2020; IEEE 1918.1.1). `docs/accuracy.md` has the formulas and the differences from the papers.
+/// Symposium 2020; IEEE 1918.1.1). `docs/explanation/accuracy.md` has the formulas,
+/// and the differences from the papers.
 ///
 /// Frames that only one signal has do not count, nor bins from half the truth's rate on. 1 without frames.
 pub(super) fn perceptual(rendered: &Spectrogram, truth: &Spectrogram) -> f64 {

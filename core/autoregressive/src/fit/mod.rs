@@ -3,7 +3,7 @@
 //! it changes, fit each piece, merge pieces at one speed and force into a model, join the models by
 //! triangles.
 //!
-//! `docs/autoregressive.md` lists the steps. In detail:
+//! `docs/explanation/textures.md` lists the steps. In detail:
 //!
 //! - Blocks of 10 ms are dropped in this order. Still: no axis changes for 20 ms. Clipped: one axis stays at
 //!   its highest or lowest value for 1 ms; three blocks before and behind go too. No contact, then slow: the

@@ -6,7 +6,8 @@
 //! there, so the distance to the magnitudes never grows. The fast variant extrapolates each result by
 //! `alpha` times the last step (N. Perraudin, P. Balazs, P. Sondergaard, "A Fast Griffin-Lim Algorithm",
 //! WASPAA 2013): `t_n = P1 P2 c_(n-1)`, `c_n = t_n + alpha (t_n - t_(n-1))`, where `P2` imposes the
-//! magnitudes and `P1` consistency. `alpha = 0` is the original. Figures are in `docs/accuracy.md`.
+//! magnitudes and `P1` consistency. `alpha = 0` is the original. Figures are in
+//! `docs/explanation/accuracy.md`.
 
 use crate::float::phasor;
 use crate::magnitude::take;

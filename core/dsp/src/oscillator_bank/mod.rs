@@ -24,7 +24,7 @@
 //! it is a function of seed and sample number.
 //!
 //! Smooth magnitudes that belong to no signal have few maxima: there `Tracked` is too quiet and tonal, and
-//! `Noise` is right. Figures are in `docs/accuracy.md`.
+//! `Noise` is right. Figures are in `docs/explanation/accuracy.md`.
 
 mod noise;
 mod segment;

@@ -33,8 +33,9 @@
 //! magnitudes are within 0.5 and 1 dB. At -25 the texture has two stable results, depending on the seed; use
 //! 5 x 6 with momentum 0.85. At -30 quality breaks down. 3 passes are as good as 5 for noise; 5 are better
 //! for signals that start and stop. A network's magnitudes belong to no signal: for these 2 x 2 does as well
-//! and follows a change sooner (docs/tradeoff.md). Figures by setting are in `docs/accuracy.md`. In f32 on
-//! one AVX-512 core (AMD EPYC) 5 x 5 takes 9 us a frame at N = 250 and 180 us at 4800.
+//! and follows a change sooner (`docs/tradeoff/REPORT.md`). Figures by setting are in
+//! `docs/explanation/accuracy.md`. In f32 on one AVX-512 core (AMD EPYC) 5 x 5 takes 9 us a frame at N = 250
+//! and 180 us at 4800.
 //!
 //! A stream fades in over a tenth of a window (longer where its first frame's window begins). A missing frame
 //! is silence, so the signal fades out as the windows do.

@@ -16,7 +16,7 @@
 //! * A bin between two peaks gets the phase of the sum of both main lobes.
 //!
 //! A pure sine is limited by its own image at the negative frequency. Smooth magnitudes that belong to no
-//! signal cannot be expressed as one sinusoid a peak. Figures are in `docs/accuracy.md`.
+//! signal cannot be expressed as one sinusoid a peak. Figures are in `docs/explanation/accuracy.md`.
 
 pub(crate) mod peak;
 

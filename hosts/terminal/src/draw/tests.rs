@@ -350,7 +350,8 @@ fn title_keeps_condition_and_time_beside_long_names() {
     }
 }
 
-/// Prints the frame in docs/live.md: `cargo test -p asperity-terminal -- --ignored --nocapture`.
+/// Prints the frame in docs/how-to/play-and-record.md:
+/// `cargo test -p asperity-terminal -- --ignored --nocapture`.
 #[test]
 #[ignore = "prints a frame"]
 fn frame_of_the_docs_is_printed() {
