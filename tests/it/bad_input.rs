@@ -82,7 +82,7 @@ const WIRES: &[Case] = &[
     (
         r#"("motion.speed", "gate.speed"), =>
         "gate": => ^"gate":"#,
-        "nothing is wired to `gate.speed`|Control x1 [mm/s]",
+        "`gate.speed` is required|Control x1 [mm/s]",
     ),
 ];
 

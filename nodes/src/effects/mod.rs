@@ -72,7 +72,7 @@ impl Renders for Descriptor {
         let sum = if texture { " A list of textures in one entry sounds as their sum." } else { "" };
         let doc = format!(
             "Settings of each slot. An entry is written as after `{key}` in a scene, for example \
-             r#\"{example}\"#.{sum}"
+             `r#\"{example}\"#`.{sum}"
         );
         let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
         self.param(list).effect(effect)

@@ -213,7 +213,11 @@ fn effect(registry: &Registry, kind: &str, effect: &Effect) -> String {
     let mut out =
         format!("\n### {kind}\n\n{}\n", wrapped(&format!("{summary} Acts {}.", effect.acts.words())));
     for form in &effect.forms {
-        let _ = write!(out, "\n```ron\n{}\n```\n", effect.written(kind, form));
+        let mut example = effect.written(kind, form);
+        if example.len() > 105 {
+            example = example.replacen('(', "(\n    ", 1).replace(", ", ",\n    ");
+        }
+        let _ = write!(out, "\n```ron\n{example}\n```\n");
         let mut fields = Table::default();
         for p in &form.fields {
             fields.row(&parameter(p), &p.doc);
@@ -232,20 +236,20 @@ fn commands() -> String {
     let mut program = super::command();
     program.build();
     let global = |arg: &&Arg| arg.is_global_set();
-    let mut out =
-        format!("\n## Options of every command\n{}", arguments(program.get_arguments().filter(global)));
-    for command in program.get_subcommands() {
-        out += &described(command);
-    }
-    out
+    let all: Vec<(String, String)> = program.get_subcommands().flat_map(described).collect();
+    let index: String = all.iter().map(|(item, _)| item.as_str()).collect();
+    let options = arguments(program.get_arguments().filter(global));
+    let texts: String = all.iter().map(|(_, text)| text.as_str()).collect();
+    format!("\n{index}\n## Options of every command\n{options}{texts}")
 }
 
-fn described(command: &Command) -> String {
+/// Entries in the index, and descriptions, of a command and those below it.
+fn described(command: &Command) -> Vec<(String, String)> {
     if command.is_hide_set() || command.get_name() == "help" {
-        return String::new();
+        return Vec::new();
     }
     if command.has_subcommands() {
-        return command.get_subcommands().map(described).collect();
+        return command.get_subcommands().flat_map(described).collect();
     }
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ").trim();
@@ -260,7 +264,8 @@ fn described(command: &Command) -> String {
     if let Some(after) = command.get_after_long_help().or(command.get_after_help()) {
         let _ = write!(out, "\n```\n{}\n```\n", after.to_string().trim());
     }
-    out
+    let summary = command.get_about().map(ToString::to_string).unwrap_or_default();
+    vec![(item(&format!("[`{name}`](#{}): {summary}", name.replace(' ', "-"))), out)]
 }
 
 fn arguments<'a>(all: impl Iterator<Item = &'a Arg>) -> String {
@@ -279,7 +284,7 @@ fn arguments<'a>(all: impl Iterator<Item = &'a Arg>) -> String {
         let many = matches!(arg.get_action(), ArgAction::Append)
             || arg.get_num_args().is_some_and(|n| takes && n.max_values() > n.min_values().max(1));
         let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
-        let default = match (defaults.is_empty(), arg.is_required_set()) {
+        let default = match (defaults.is_empty() || !takes, arg.is_required_set()) {
             (true, true) => "**required**".to_owned(),
             (true, false) => String::new(),
             _ => defaults.join(" "),

@@ -46,7 +46,7 @@ pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
              a texture at constant speed and force.\n\
              Pulses: modulation depth of the envelope from 15 to 25 Hz. \
              Repetition: largest autocorrelation of the\n\
-             envelope or the wave at lags of 20 to 200 ms. \
+             envelope or the wave at lags of 20 to 200 ms.\n\
              The target is the value of Gaussian noise with the same spectrum.\n\n"
         );
         let fair = [Row { rhythm: Some(noise), ..Row::new("Gaussian noise", set) }];
