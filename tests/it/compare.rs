@@ -255,7 +255,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         ("--phase gain", "`gain` is not a phase-retrieval node"),
         ("--phase spsi:sed=1", "did you mean `seed`?"),
         ("--phase spsi:seed", "no `=`"),
-        ("--svg gone/a.svg", "cannot write here"),
+        ("--svg gone/a.svg", "the folder gone does not exist"),
         ("--svg a.svg --csv ./a.svg", "would write the same file as --csv"),
         ("--csv a.csv --json", "cannot be used with"),
         ("--plugin gone.so", "gone.so"),

@@ -4,6 +4,7 @@
 mod adopt;
 mod bad_input;
 mod chain;
+mod command_line;
 mod compare;
 mod compile;
 mod drive;

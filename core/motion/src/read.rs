@@ -113,7 +113,7 @@ impl Trajectory {
             Interpolation::Linear => Vec::new(),
             Interpolation::Cubic => slopes(&time, &position),
         };
-        Ok(Self { time, position, slope, force, speed })
+        Ok(Self { time, position, slope, force, speed, repeats: false })
     }
 }
 

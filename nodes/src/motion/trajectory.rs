@@ -38,6 +38,8 @@ impl Node for Trajectory {
             )
             .param(number("max_gap_s", 0.0, 0.0..=3600.0, "s"))
             .doc("Longest gap between rows that is accepted. 0: 0.1 s, or five median steps if longer.")
+            .param(Param::flag("loop", false, ""))
+            .doc("Repeats the stroke. From its end to its start, the stylus moves in the air, in 0.9 s.")
             .resumes(Resume::Continue)
     }
 
@@ -63,8 +65,9 @@ impl Node for Trajectory {
                 return Err(p.error("file", message).help("record it, or compute it with other nodes"));
             }
         }
-        let duration = microseconds(trajectory.duration_s());
-        Ok(Prepared::new(Self { trajectory, cursor: Cursor::default() }).duration(Some(duration)))
+        let duration = (!p.flag("loop")).then(|| microseconds(trajectory.duration_s()));
+        let trajectory = if duration.is_none() { trajectory.repeated() } else { trajectory };
+        Ok(Prepared::new(Self { trajectory, cursor: Cursor::default() }).duration(duration))
     }
 }
 

@@ -170,9 +170,10 @@ impl Library {
     /// from its own text points there with [`Diagnostic::at`].
     pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
         self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
-            Diagnostic::new(format!("no material `{name}` in {}", self.path.display()))
+            let (file, names) = (self.path.display(), self.materials.iter().map(|m| m.name.as_str()));
+            Diagnostic::new(format!("no material `{name}` in {file}"))
                 .in_file(&self.path)
-                .help(one_of(name, self.materials.iter().map(|m| m.name.as_str())))
+                .help(format!("{} (all of them: asperity materials --library {file})", one_of(name, names)))
         })
     }
 }

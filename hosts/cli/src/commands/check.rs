@@ -13,8 +13,9 @@ use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
 use crate::load::{self, GraphArgs};
 
-/// Check a graph: order, buffers, rates, latency per path, what was dropped and why
+/// Check a graph, and print its order, buffers, rates, latency and dropped nodes
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity check graphs/texture.ron"]))]
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,

@@ -29,6 +29,10 @@ pub enum As {
 /// A picture is cropped to its middle of 4 to 3 and scaled to 192 x 256 pixels. Both are reported.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity encode rug.png --library mine/materials.ron --dry-run",
+    "asperity encode rug_1.png rug_2.png --library mine/materials.ron --name rug --family carpet",
+]))]
 pub struct Args {
     /// Tactile images of one material: PNG, JPEG or BMP. Several images give their mean vector
     #[arg(required = true, value_name = "IMAGE", value_parser = crate::shipped::path())]

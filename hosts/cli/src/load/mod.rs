@@ -6,30 +6,36 @@ pub mod files;
 mod stylus;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use asperity_diagnostics::{Diagnostic, Source};
+use asperity_diagnostics::{Diagnostic, Source, file};
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
 use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
-use crate::failure::{Failure, clean, warn};
+use crate::failure::{Failure, clean, warn, wrong};
 use crate::kinds::{self, Kinds};
+use crate::output::{ending, is_standard};
 
 /// A graph and changes to it.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct GraphArgs {
-    /// Graph file or scene file
+    /// Graph file or scene file; - reads the standard input
     #[arg(value_parser = crate::shipped::path())]
     pub graph: PathBuf,
-    /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
+    /// Set a parameter, such as motion.cutoff_hz=30, or tick_hz, audio_hz, seed.
+    /// NODE.every=N runs a node in every Nth tick
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
-    /// Play this CSV in place of the graph's trajectory, stroke or hand
-    #[arg(long, value_name = "TRAJ.csv", value_parser = crate::shipped::path())]
+    /// Play this recorded stroke instead of the graph's own; - reads the standard input
+    #[arg(long, value_name = "STROKE.csv", value_parser = crate::shipped::path())]
     pub input: Option<PathBuf>,
+    /// Repeat the recorded stroke. Between its end and its start, the stylus moves back in the air
+    #[arg(long = "loop", conflicts_with = "hand")]
+    pub repeat: bool,
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input", help = hand_help())]
     pub hand: Option<String>,
-    /// Keep nodes that lead to no sink; build the nodes of effects that no surface of a scene has
+    /// Keep nodes that no output needs. In a scene, also build effects that no surface has
     #[arg(long)]
     pub no_prune: bool,
     /// Treat passivity violations of a scene as errors
@@ -48,13 +54,13 @@ impl GraphArgs {
 fn hand_help() -> String {
     let registry = asperity_hand::register(Registry::new());
     let hands: Vec<&str> = registry.with_role(Role::Hand).map(stylus::hand_name).collect();
-    format!("Let a hand move the stylus in place of the graph's trajectory or stroke: {}", hands.join(", "))
+    format!("Let a hand device move the stylus instead of the graph's own stroke: {}", hands.join(", "))
 }
 
 /// Plugins to load.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct PluginArgs {
-    /// Load a plugin: its file, or its name to be found along ASPERITY_PLUGIN_PATH
+    /// Plugin to load: a file, or a name to look for in the folders of ASPERITY_PLUGIN_PATH
     #[arg(long = "plugin", value_name = "P")]
     pub plugin: Vec<PathBuf>,
 }
@@ -86,7 +92,7 @@ pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
 
 /// Reads a graph, or lowers a scene to one, and applies the arguments to it.
 pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
-    let source = Source::read(&args.graph)?;
+    let source = source_of(args)?;
     if !Scene::is_meant(&source) {
         return Ok((changed(GraphFile::parse(&source)?, args)?, None));
     }
@@ -104,6 +110,37 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
     let graph = changed(lowered.graph, args)?;
     let files = scene.files(&registry);
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
+}
+
+/// Reads the graph or scene, and the standard input where the arguments name it.
+fn source_of(args: &GraphArgs) -> Result<Arc<Source>, Failure> {
+    let stdin = [Some(&args.graph), args.input.as_ref()].into_iter().flatten().filter(|p| is_standard(p));
+    match stdin.count() {
+        0 => {}
+        1 => file::take_stdin()?,
+        _ => {
+            let what = "the graph and --input cannot both be the standard input";
+            return Err(wrong("-", what, "give one of the two as a file"));
+        }
+    }
+    let source = Source::read(&args.graph)?;
+    if is_table(&source) {
+        let path = args.graph.display();
+        return Err(wrong(
+            &args.graph,
+            "this is a CSV; did you mean `--input`?",
+            format!(
+                "to play it as a stroke: asperity render graphs/texture.ron --input {path} --out out.wav"
+            ),
+        ));
+    }
+    Ok(source)
+}
+
+/// Whether a text is a CSV table, not a graph or scene.
+fn is_table(source: &Source) -> bool {
+    let names_columns = |line: &str| line.split(',').any(|name| name.trim(['#', ' ', '"']) == "t_s");
+    ending(source.path()) == "csv" || source.text().lines().next().is_some_and(names_columns)
 }
 
 pub fn compile(
@@ -180,6 +217,9 @@ fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure>
     }
     if let Some(hand) = &args.hand {
         stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
+    }
+    if args.repeat {
+        stylus::repeat(&mut graph, &kinds::built_in())?;
     }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;

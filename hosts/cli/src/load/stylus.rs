@@ -1,4 +1,4 @@
-//! `--input` and `--hand`: replaces the node that moves the stylus.
+//! `--input`, `--hand` and `--loop`: replaces or changes the node that moves the stylus.
 
 use std::path::Path;
 
@@ -18,6 +18,20 @@ pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(
     let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
     replace(graph, registry, i, "trajectory");
     graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
+    Ok(())
+}
+
+/// Repeats the recorded stroke: `--loop`.
+pub fn repeat(graph: &mut GraphFile, registry: &Registry) -> Result<(), Failure> {
+    let i = only(graph, registry, "--loop", "name the one you mean: --set NODE.loop=true")?;
+    let (id, kind) = (&graph.nodes[i].id, &graph.nodes[i].kind);
+    if kind != "trajectory" {
+        let what = format!("--loop repeats a recorded stroke, and `{id}` ({kind}) is none");
+        let help =
+            format!("play a recorded one: --input STROKE.csv; or a longer one: --set {id}.duration_s=S");
+        return Err(wrong(graph.source.path(), what, help));
+    }
+    graph.set(&format!("{id}.loop=true"), "--loop")?;
     Ok(())
 }
 

@@ -20,26 +20,30 @@ use crate::number::{channel, number, whole};
 use chain::Chain;
 use loopback::{Loopback, TICK_MS};
 
-/// Report the response lag of graphs; measure a device's latency over a loopback from output to input
+/// Report the response lag of graphs, or measure a device's latency through a loopback cable
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative, mut_args = with_graph_or_device)]
 #[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
+#[command(after_help = crate::commands::examples(&[
+    "asperity latency graphs/texture.ron graphs/heravi2024.ron",
+    "asperity latency --device \"USB Audio\" --channel 3 --input-channel 1",
+]))]
 pub struct Args {
     /// Graphs whose response lag to a step of speed is reported
     #[arg(value_parser = crate::shipped::path())]
     pub graphs: Vec<PathBuf>,
     #[command(flatten)]
     pub output: OutputArgs,
-    /// Device to record from; by default the same host's default
+    /// Device to record from; by default the host's default input
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
     /// Channel of the input that is connected to the output
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
     pub input_channel: u16,
-    /// The loopback is inside the audio server, without a card
+    /// The loopback is inside the audio server, not a cable
     #[arg(long)]
     pub inside: bool,
-    /// Latency of the input from sound to callback, if known
+    /// Known latency of the input, from sound to callback
     #[arg(long, value_name = "MS", conflicts_with = "inside", value_parser = number(0.0, 10_000.0, "ms"))]
     pub input_latency_ms: Option<f64>,
     /// Number of clicks
@@ -48,7 +52,7 @@ pub struct Args {
     /// Height of a click
     #[arg(long, default_value_t = 0.1, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
     pub amps: f64,
-    /// Level at the input that counts as a click, of full scale
+    /// Input level that counts as a click, as a part of full scale
     #[arg(long, default_value_t = 0.01, value_name = "LEVEL")]
     #[arg(value_parser = number(1e-6, 1.0, "of full scale"))]
     pub level: f64,

@@ -24,42 +24,47 @@ use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number;
-use crate::output::{Format, Pending, Rows, ending, keep_all, named};
+use crate::output::{Format, Pending, Rows, audio_ending, ending, keep_all, named};
 use plot::Traces;
 use recorder::{Master, Recorder};
 use report::{Level, Run};
 use watch::{Extras, Watch};
 
-/// Render a graph to a WAV file, as fast as it goes
+/// Render a graph or scene to a WAV file, as fast as possible
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity render graphs/texture.ron --out canvas.wav --plot canvas.svg",
+    "asperity render graphs/texture.ron --out oak.wav --set texture.material=oak",
+    "asperity render graphs/texture.ron --out mine.wav --input stroke.csv --seconds 60 --loop",
+]))]
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// Output file of the samples of `audio_out`: .wav or .npy
+    /// Output file with a channel for each `audio_out`: .wav or .npy; - writes WAV to the standard output
     #[arg(long, value_name = "OUT.wav")]
     pub out: Option<PathBuf>,
     /// Sample format of the WAV file
     #[arg(long, value_enum, default_value = "f32")]
     pub format: Format,
-    /// How long to render; by default as long as the stroke lasts
+    /// Duration to render; by default the duration of the stroke
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub seconds: Option<f64>,
-    /// Write figures of the run as JSON
+    /// Report file: times, levels and faults of the run, as JSON; - writes to the standard output
     #[arg(long, value_name = "R.json")]
     pub report: Option<PathBuf>,
-    /// Record an output of a node
+    /// Record an output of a node to a file
     #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy")]
     pub probe: Vec<String>,
-    /// Draw position, speed, force, acceleration, current and a spectrogram
+    /// Picture file: position, speed, force, acceleration, current and a spectrogram
     #[arg(long, value_name = "P.svg")]
     pub plot: Option<PathBuf>,
-    /// Run every node in every tick, also those behind a closed gate
+    /// Run every node in every tick, even behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest call of a node; a longer one is a fault of it. By default none; 10 ticks with --watch
+    /// Time limit for a call of a node; a longer call is a fault. By default none, with --watch 10 ticks
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Run in real time, and take over changes of the graph, its plugins and the files it reads
+    /// Render at the pace of real time, and reload the graph, its plugins and its files when they change
     #[arg(long)]
     pub watch: bool,
     /// Print errors only
@@ -203,7 +208,7 @@ fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
 
 fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Failure> {
     let samples = |rate_hz: u32| time::first_sample(ticks, rate_hz, schedule.tick_hz);
-    if let Some(path) = args.out.as_ref().filter(|p| ending(p) == "wav") {
+    if let Some(path) = args.out.as_ref().filter(|p| audio_ending(p) == "wav") {
         let channels = Master::channels(schedule).len() as u64;
         Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
     }

@@ -160,6 +160,7 @@ impl Run<'_> {
             "graph": args.graph.graph.display().to_string(),
             "set": args.graph.set,
             "input": args.graph.input.as_ref().map(|p| p.display().to_string()),
+            "loop": args.graph.repeat,
             "seed": schedule.seed,
             "tick_hz": schedule.tick_hz,
             "audio_hz": schedule.audio_hz,
@@ -263,6 +264,9 @@ impl Run<'_> {
         }
         for path in written {
             line("wrote", path.display().to_string());
+        }
+        if written.is_empty() {
+            line("wrote", "nothing: name a file with --out, --plot, --report or --probe".into());
         }
         out
     }
