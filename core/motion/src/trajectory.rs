@@ -34,6 +34,7 @@ pub struct Trajectory {
     pub(super) slope: Vec<[f64; 3]>,
     pub(super) force: Option<Vec<f64>>,
     pub(super) speed: Option<Vec<f64>>,
+    pub(super) ignored: Vec<String>,
 }
 
 impl Trajectory {
@@ -55,6 +56,11 @@ impl Trajectory {
     /// Whether a speed was recorded. Then every sample has one.
     pub fn has_speed(&self) -> bool {
         self.speed.is_some()
+    }
+
+    /// Columns of the file that nobody reads.
+    pub fn ignored(&self) -> &[String] {
+        &self.ignored
     }
 
     /// The stylus `t` seconds after the first row. Searches at every call; see

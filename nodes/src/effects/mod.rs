@@ -72,7 +72,8 @@ impl Renders for Descriptor {
         let key = if texture { "texture" } else { self.kind.as_ref() };
         let example = effect.forms.first().map_or("", |form| form.example.as_ref());
         let sum = if texture { " A list of textures is one slot, and sounds as their sum." } else { "" };
-        let doc = format!("A text for each slot, as behind `{key}` in a scene: r#\"{example}\"#.{sum}");
+        let path = effect.path_field().map_or("", |_| " The path of its file alone will do: \"FILE.ron\".");
+        let doc = format!("A text for each slot, as behind `{key}` in a scene: r#\"{example}\"#.{path}{sum}");
         let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
         self.param(list).effect(effect)
     }

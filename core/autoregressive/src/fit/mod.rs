@@ -37,7 +37,7 @@ mod signal;
 use std::fmt;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_motion::{MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
+use asperity_motion::{MAX_ABS_ACCELERATION_M_S2, MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
 
 use super::{MAX_ORDER, Texture};
 use blocks::Blocks;
@@ -46,8 +46,6 @@ pub use compare::{Band, Compared, Comparison};
 
 /// Rates of recordings in Hz.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 1000.0..=10_000.0;
-/// Largest acceleration in m/s^2, either sign.
-const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
 /// Least samples of a piece for each coefficient.
 const SAMPLES_A_COEFFICIENT: f64 = 4.0;
 

@@ -12,6 +12,7 @@ use asperity_data::recordings::{self, Recorded};
 use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
+use crate::load::ColumnArgs;
 use crate::failure::{Failure, print_report, warn, wrong};
 use crate::number::{number, whole};
 use crate::output::{Pending, apart, ending, ends_in_ron, keep_all, named};
@@ -37,6 +38,8 @@ pub enum By {
 pub struct Args {
     /// Recording: a CSV table, a WAV file or a .npy array
     pub recording: PathBuf,
+    #[command(flatten)]
+    pub map: ColumnArgs,
     /// Texture to write
     #[arg(long, value_name = "M.ron")]
     pub out: PathBuf,
@@ -175,7 +178,7 @@ fn settings(args: &Args) -> Settings {
 
 /// Reads the recording, by the ending of its name.
 fn read(args: &Args) -> Result<Recorded, Failure> {
-    let path = &args.recording;
+    let (path, map) = (&args.recording, args.map.parsed()?);
     let is_array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
         if is_array {
@@ -187,11 +190,14 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
             ));
         }
         let known = ["csv", "wav"].contains(&ending(path).as_str());
-        return Ok(recordings::recorded(path).map_err(|e| match &e.help {
+        return Ok(recordings::recorded(path, &map).map_err(|e| match &e.help {
             None if !known => e.help("a recording is a table (.csv), a WAV file (.wav) or an array (.npy)"),
             _ => e,
         })?);
     };
+    if !map.is_empty() {
+        return Err(wrong("--map", "an array has no columns to map", "--columns names them"));
+    }
     if !is_array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
         return Err(wrong("--columns", what, "for a .npy array only"));
