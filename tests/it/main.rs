@@ -6,6 +6,7 @@ mod bad_input;
 mod chain;
 mod compare;
 mod compile;
+mod dead_sensor;
 mod drive;
 mod effect_plugin;
 mod encode;

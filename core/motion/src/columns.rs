@@ -3,9 +3,9 @@
 use asperity_diagnostics::{Diagnostic, one_of};
 
 /// Largest time in a file, in seconds: room for a Unix time, none for one in milliseconds.
-pub const MAX_ABS_TIME_S: f64 = 1e10;
+const MAX_ABS_TIME_S: f64 = 1e10;
 /// Largest position on an axis, in mm: 100 m.
-pub const MAX_ABS_POSITION_MM: f64 = 1e5;
+const MAX_ABS_POSITION_MM: f64 = 1e5;
 /// Largest recorded force, in N. Either sign, since a sensor at rest reads a little below zero.
 pub const MAX_ABS_FORCE_N: f64 = 1e3;
 /// Largest recorded speed, in mm/s; the least is 0.

@@ -188,8 +188,9 @@ pub fn parse(source: &Arc<Source>, map: &ColumnMap) -> Result<Recorded, Diagnost
     }
     let time = channels[TIME].take().unwrap_or_default();
     let rate_hz = steady_rate(source, &time, &clock)?;
-    let recorded = stroke(channels, rate_hz).map_err(|e| e.at(source, table.end()))?;
-    Ok(Recorded { ignored: table.ignored(), ..recorded })
+    let mut recorded = stroke(channels, rate_hz).map_err(|e| e.at(source, table.end()))?;
+    recorded.ignored = table.ignored();
+    Ok(recorded)
 }
 
 /// The rate of a clock that is never more than half a step off a steady one.
