@@ -29,6 +29,7 @@ mod scene_mended;
 mod scene_plot;
 mod selftest;
 mod shipped;
+mod strokes;
 mod texture;
 mod tradeoff;
 mod trust;

@@ -75,7 +75,8 @@ fn material(bytes: &[u8]) -> bool {
 /// A trajectory, or a recorded stroke.
 fn csv(bytes: &[u8]) -> bool {
     let Some(source) = text(bytes) else { return false };
-    Trajectory::parse(&source, &TrajectoryOptions::default()).is_ok() | recordings::parse(&source, &ColumnMap::default()).is_ok()
+    Trajectory::parse(&source, &TrajectoryOptions::default()).is_ok()
+        | recordings::parse(&source, &ColumnMap::default()).is_ok()
 }
 
 fn numbers(bytes: &[u8]) -> bool {

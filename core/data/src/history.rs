@@ -1,8 +1,8 @@
 //! The network's inputs as the chain measures them, with the sensor's faults, and their true values.
 
-pub(crate) use asperity_motion::STIFFNESS_N_PER_MM;
 use asperity_dsp::frame::BINS;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
+pub(crate) use asperity_motion::STIFFNESS_N_PER_MM;
 use asperity_numbers::Random;
 
 use crate::example::Example;

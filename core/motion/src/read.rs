@@ -35,8 +35,7 @@ const Y: usize = 2;
 const Z: usize = 3;
 const FORCE: usize = 4;
 const SPEED: usize = 5;
-const COLUMNS: [Column; 6] =
-    [Column::TIME, Column::X, Column::Y, Column::Z, Column::FORCE, Column::SPEED];
+const COLUMNS: [Column; 6] = [Column::TIME, Column::X, Column::Y, Column::Z, Column::FORCE, Column::SPEED];
 const HEADER_HELP: &str =
     "the first line names the columns: `t_s,x_mm,y_mm,z_mm`, and where recorded `force_n`, `speed_mm_s`";
 
@@ -54,8 +53,8 @@ impl Trajectory {
     ///
     /// - Without `z_mm`, the force presses into a floor of [`STIFFNESS_N_PER_MM`] at z = 0. A force below 0
     ///   counts as 0.
-    /// - Without `x_mm` and `y_mm`, the stylus moves along x at `speed_mm_s` and never turns. Between rows the
-    ///   speed changes linearly.
+    /// - Without `x_mm` and `y_mm`, the stylus moves along x at `speed_mm_s` and never turns. The speed
+    ///   changes linearly between rows.
     ///
     /// # Errors
     /// Each points at the cell: those of [`Table`]; a missing column; a value beyond the limits of its

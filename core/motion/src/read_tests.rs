@@ -67,9 +67,15 @@ fn map_finds_columns_and_converts_their_units() {
         (&["force_n"][..], "`force_n` names no column (force_n=Fz:N)"),
         (&["forc=Fz"], "no column is called `forc` here"),
         (&["t_s=a", "time_s=b"], "`time_s` is mapped twice"),
-        (&["force_n=Fy:N"], "t.csv:1:24: `force_n` is mapped to `Fy`, and the file has no such column (there"),
+        (
+            &["force_n=Fy:N"],
+            "t.csv:1:24: `force_n` is mapped to `Fy`, and the file has no such column (there",
+        ),
         (&["x_mm=X:N"], "t.csv:1:24: `x_mm` cannot be in `N` (its units are mm, m, cm, um)"),
-        (&["x_mm=x_mm:m", "y_mm=X", "t_s=Time (ms)", "force_n=Fz:raw:kN"], "t.csv:2:9: `Fz:raw` (`force_n`) is"),
+        (
+            &["x_mm=x_mm:m", "y_mm=X", "t_s=Time (ms)", "force_n=Fz:raw:kN"],
+            "t.csv:2:9: `Fz:raw` (`force_n`) is",
+        ),
     ] {
         let e = mapped(text, map).unwrap_err().to_string();
         assert!(e.starts_with(want), "{e}\n  want {want}");
@@ -110,8 +116,8 @@ fn bad_files_are_refused_at_the_cell() {
         ),
         (
             "time_ms;Pos X [m];y_mm;Fz [mN]\n0;0;0;0\n1;0;0;0\n".into(),
-            "t.csv:1:31: the columns `t_s`, `x_mm` and `z_mm` are missing (`force_n` may stand for `z_mm`; the \
-             file has `time_ms`, `Pos X [m]`, `y_mm`, `Fz [mN]`; name the right ones, such as \
+            "t.csv:1:31: the columns `t_s`, `x_mm` and `z_mm` are missing (`force_n` may stand for `z_mm`; \
+             the file has `time_ms`, `Pos X [m]`, `y_mm`, `Fz [mN]`; name the right ones, such as \
              --map t_s=time_ms:ms --map \"x_mm=Pos X [m]:m\" --map \"z_mm=Fz [mN]:mm\")",
         ),
         (

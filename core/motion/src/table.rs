@@ -51,7 +51,9 @@ impl Separator {
         let line = line.trim();
         match [';', '\t', ','].into_iter().find(|c| line.contains(*c)) {
             // `0,01 1,5` is two numbers. `t [s], F [N]` is two names.
-            Some(',') if line.split(',').any(has_blanks) && !line.contains(char::is_alphabetic) => Self::Blanks,
+            Some(',') if line.split(',').any(has_blanks) && !line.contains(char::is_alphabetic) => {
+                Self::Blanks
+            }
             Some(found) => Self::Char(found),
             None => Self::Blanks,
         }
@@ -85,7 +87,9 @@ impl<'s> Table<'s> {
             match table.line() {
                 Some(line) if table.is_comment(line) => comments.push(line),
                 Some(line) => break line,
-                None => return Err(Diagnostic::new("no header line").at(source, table.end()).help(header_help)),
+                None => {
+                    return Err(Diagnostic::new("no header line").at(source, table.end()).help(header_help));
+                }
             }
         };
         table.separator = Separator::of(table.text(first));
@@ -100,14 +104,17 @@ impl<'s> Table<'s> {
                 table.named(line, Separator::of(table.text(line))).ok()
             });
             let best = names.filter(|names| names.len() == cells.len()).max_by_key(known);
-            let numbers = || (1..).zip(&cells).map(|(n, (_, cell)): (usize, _)| (n.to_string(), *cell)).collect();
+            let numbers =
+                || (1..).zip(&cells).map(|(n, (_, cell)): (usize, _)| (n.to_string(), *cell)).collect();
             table.header = best.unwrap_or_else(numbers);
         } else {
             table.header = cells;
             let end = table.next;
             // Rows may have another separator than the header.
             if let Some(row) = table.row() {
-                if table.separator == Separator::Blanks || !table.text(row).contains(|c| table.separator.is(c)) {
+                if table.separator == Separator::Blanks
+                    || !table.text(row).contains(|c| table.separator.is(c))
+                {
                     table.separator = Separator::of(table.text(row));
                 }
             }
@@ -237,7 +244,8 @@ impl<'s> Table<'s> {
             Some((before, after)) => {
                 self.comma.get_or_insert(span);
                 let digits = before.trim_start_matches(['-', '+']);
-                let is_group = after.len() == 3 && (1..=3).contains(&digits.len()) && !digits.starts_with('0');
+                let is_group =
+                    after.len() == 3 && (1..=3).contains(&digits.len()) && !digits.starts_with('0');
                 self.is_decimal |= !is_group;
                 format!("{before}.{after}").parse::<f64>()
             }

@@ -95,8 +95,7 @@ impl StrokeDecl {
         let map = record.optional("map");
         let texts = map.map_or(Ok(&[][..]), Value::list)?.iter().map(Value::text);
         let texts = texts.collect::<Result<Vec<&str>, _>>()?;
-        let columns =
-            ColumnMap::parse(&texts).map_err(|e| e.at_place(&map.unwrap_or(value).place()))?;
+        let columns = ColumnMap::parse(&texts).map_err(|e| e.at_place(&map.unwrap_or(value).place()))?;
         let it = |from, material| Self { name, place: value.place(), material, columns, from };
         if let Some(file) = record.optional("file") {
             let file = From::File(file.path()?);

@@ -9,8 +9,8 @@ use super::microseconds;
 /// The stroke that is played where a graph names no file: a zigzag with a pause and a lift-off.
 const SHIPPED: &str = include_str!("../../../graphs/trajectories/zigzag.csv");
 
-/// Plays a table of positions and, where recorded, forces and speeds. [`asperity_motion::Trajectory::parse`]
-/// says what stands for positions that were not recorded.
+/// Plays a table of positions and, where recorded, forces and speeds.
+/// [`asperity_motion::Trajectory::parse`] says what stands for positions that were not recorded.
 pub struct Trajectory {
     trajectory: asperity_motion::Trajectory,
     cursor: Cursor,
@@ -26,9 +26,10 @@ impl Node for Trajectory {
             .output(control_out("speed", 1, MM_S))
             .doc("the recorded speed; the file needs a speed_mm_s column")
             .param(file("file").optional().doc(
-                "Table with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; at \
-                 any rate, also irregular. Without z_mm, force_n presses into a floor of 0.5 N/mm. Without \
-                 x_mm and y_mm, speed_mm_s is the speed of a straight line along x. Left out, a shipped zigzag.",
+                "Table with the columns t_s, x_mm, y_mm, z_mm and, where recorded, force_n and speed_mm_s; \
+                 at any rate, also irregular. Without z_mm, force_n presses into a floor of 0.5 N/mm. \
+                 Without x_mm and y_mm, speed_mm_s is the speed of a straight line along x. Left out, a \
+                 shipped zigzag.",
             ))
             .param(texts("map"))
             .doc("Columns with other names, and their units: [\"t_s=time:ms\", \"force_n=Fz:N\"].")

@@ -79,7 +79,7 @@ impl Blocks {
         it.mark_low(0, settings.least_speed_mm_s, Why::Slow);
         it.mark_clicks(&mut axes, &spans);
         it.mark_dead(&axes, &spans, &settings.tolerance);
-        // What a sensor shows without a signal begins and ends with a step, on which the high-pass would ring.
+        // A stretch without a signal begins and ends with a step, on which the high-pass would ring.
         let is_off = |why: Option<Why>| matches!(why, Some(Why::Still | Why::Dead));
         for (run, _) in it.spans().into_iter().filter(|(_, why)| is_off(*why)) {
             let samples = spans[run.start].start..spans[run.end - 1].end;
@@ -187,14 +187,16 @@ impl Blocks {
             let limits = tolerance.of(*at);
             let mut median = |is_like: &dyn Fn(usize, f64) -> bool| {
                 levels.clear();
-                let like = places.iter().filter(|(_, other, _)| (0..2).all(|axis| is_like(axis, other[axis])));
+                let like =
+                    places.iter().filter(|(_, other, _)| (0..2).all(|axis| is_like(axis, other[axis])));
                 levels.extend(like.map(|(.., power)| *power));
                 let middle = levels.len() / 2;
                 let enough = levels.len() >= FEW;
                 if enough { *levels.select_nth_unstable_by(middle, f64::total_cmp).1 } else { 0.0 }
             };
             let windows = place.clone().map(|b| b..b + WINDOW);
-            let windows = windows.filter(|w| w.end <= spans.len() && self.why[w.clone()].iter().all(Option::is_none));
+            let windows =
+                windows.filter(|w| w.end <= spans.len() && self.why[w.clone()].iter().all(Option::is_none));
             let quiet: Vec<(Span, f64)> = windows.map(|w| (w.clone(), power(w))).collect();
             if quiet.iter().all(|(_, power)| *power > DEAD * loudest) {
                 continue;

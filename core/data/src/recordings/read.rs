@@ -63,7 +63,7 @@ fn number(name: &str) -> Result<Option<usize>, String> {
 /// Samples by quantity, if recorded.
 type Channels = [Option<Vec<f64>>; QUANTITIES.len()];
 
-/// What is wrong with some quantities, those that would mend it, and help.
+/// A fault of some quantities: its words, the quantities that would mend it, and help.
 type Wrong = (&'static str, &'static [usize], &'static str);
 
 /// Checks that the quantities make a stroke.

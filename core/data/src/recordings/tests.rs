@@ -116,7 +116,12 @@ fn one_stroke_is_read_as_recorded_with_speed_of_its_motion() {
     assert_eq!(speeds.acceleration_m_s2.len(), 2);
     assert_eq!([speeds.acceleration_m_s2[0][250], speeds.acceleration_m_s2[1][250]], [0.25, -0.25]);
     assert_eq!(velocities.acceleration_m_s2[0][999], 0.999);
-    assert!(recorded(&folder.path().join("none.csv"), &ColumnMap::default()).unwrap_err().to_string().contains("none.csv"));
+    assert!(
+        recorded(&folder.path().join("none.csv"), &ColumnMap::default())
+            .unwrap_err()
+            .to_string()
+            .contains("none.csv")
+    );
     let wav_path = folder.path().join("s.wav");
     std::fs::write(folder.path().join(CHANNELS_FILE), NAMES).unwrap();
     wav(&wav_path, (hound::SampleFormat::Float, 32), 2000, 1.0);
@@ -202,8 +207,11 @@ fn of_five_strokes_the_last_is_held_apart_whole() {
 fn bad_tables_are_refused_at_the_cell() {
     let h = "t_s,force_n,speed_mm_s,acceleration_m_s2";
     let good = table(h, 1000.0, 1.0, |_| vec![1.0, 2.0, 3.0]);
-    let error =
-        |text: &str| parse(&Source::new("s.csv", text), &ColumnMap::default()).err().map_or("none".into(), |e| e.to_string());
+    let error = |text: &str| {
+        parse(&Source::new("s.csv", text), &ColumnMap::default())
+            .err()
+            .map_or("none".into(), |e| e.to_string())
+    };
     assert_eq!(error(&good), "none");
     let replaced = |what: &str, by: &str| {
         assert!(good.contains(what), "{what}");

@@ -199,12 +199,12 @@ fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure>
     if let Some(input) = &args.input {
         stylus::play(&mut graph, &kinds::built_in(), input)?;
     }
+    if let Some(hand) = &args.hand {
+        stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
+    }
     if !args.columns.map.is_empty() {
         args.columns.parsed()?;
         stylus::map(&mut graph, &kinds::built_in(), &args.columns.map)?;
-    }
-    if let Some(hand) = &args.hand {
-        stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
     }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;

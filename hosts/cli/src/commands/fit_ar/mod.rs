@@ -31,8 +31,9 @@ pub enum By {
 ///
 /// RECORDING is a table, a WAV file or a NumPy array, at 1 to 10 kHz. The first line of a table names its
 /// columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; at least one of ax_m_s2,
-/// ay_m_s2, az_m_s2, or acceleration_m_s2. For other names there is --map. recording.ron beside a WAV file names its channels. A NumPy
-/// array has a row for each sample. Hold speed and force for a second at each of some values.
+/// ay_m_s2, az_m_s2, or acceleration_m_s2. For other names there is --map. recording.ron beside a WAV file
+/// names its channels. A NumPy array has a row for each sample. Hold speed and force for a
+/// second at each of some values.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
 pub struct Args {
