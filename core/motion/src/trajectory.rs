@@ -41,6 +41,7 @@ pub struct Trajectory {
     pub(super) speed: Option<Vec<f64>>,
     /// Whether it begins again at its end.
     pub(super) repeats: bool,
+    pub(super) ignored: Vec<String>,
 }
 
 impl Trajectory {
@@ -85,6 +86,11 @@ impl Trajectory {
     /// Whether a speed was recorded. Then every sample has one.
     pub fn has_speed(&self) -> bool {
         self.speed.is_some()
+    }
+
+    /// Columns of the file that nobody reads.
+    pub fn ignored(&self) -> &[String] {
+        &self.ignored
     }
 
     /// The stylus `t` seconds after the first row. Searches at every call; see

@@ -10,6 +10,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Source, file};
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
+use asperity_motion::ColumnMap;
 use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
@@ -33,6 +34,8 @@ pub struct GraphArgs {
     /// Repeat the recorded stroke. Between its end and its start, the stylus moves back in the air
     #[arg(long = "loop", conflicts_with = "hand")]
     pub repeat: bool,
+    #[command(flatten)]
+    pub columns: ColumnArgs,
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input", help = hand_help())]
     pub hand: Option<String>,
     /// Keep nodes that no output needs. In a scene, also build effects that no surface has
@@ -55,6 +58,24 @@ fn hand_help() -> String {
     let registry = asperity_hand::register(Registry::new());
     let hands: Vec<&str> = registry.with_role(Role::Hand).map(stylus::hand_name).collect();
     format!("Let a hand device move the stylus instead of the graph's own stroke: {}", hands.join(", "))
+}
+
+/// Columns of strokes.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct ColumnArgs {
+    /// Read a quantity of a stroke from this column: --map force_n=Fz:N. May be repeated
+    ///
+    /// NAME is a column that Asperity reads, such as t_s, x_mm, speed_mm_s or force_n. COLUMN is its name in
+    /// the file, or its number where the file names none; a minus sign before it turns its sign. UNIT is the
+    /// unit in the file: s, ms, us; m, cm, mm, um; N, mN, kN, g, gf, kgf; m/s, cm/s, mm/s; m/s^2, g, mg.
+    #[arg(long, value_name = "NAME=COLUMN[:UNIT]")]
+    pub map: Vec<String>,
+}
+
+impl ColumnArgs {
+    pub fn parsed(&self) -> Result<ColumnMap, Diagnostic> {
+        ColumnMap::parse(&self.map).map_err(|e| e.in_file("--map"))
+    }
 }
 
 /// Plugins to load.
@@ -221,6 +242,10 @@ fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure>
     if args.repeat {
         stylus::repeat(&mut graph, &kinds::built_in())?;
     }
+    if !args.columns.map.is_empty() {
+        args.columns.parsed()?;
+        stylus::map(&mut graph, &kinds::built_in(), &args.columns.map)?;
+    }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;
     }
@@ -238,6 +263,9 @@ pub fn warn_about(schedule: &Schedule) {
 pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let mut out = Vec::new();
     for node in &schedule.nodes {
+        if let Some(ignored) = node.facts.iter().find(|fact| fact.name == "ignored_columns") {
+            out.push(format!("`{}` ignores these columns of its file: {}", node.id, ignored.value));
+        }
         let emission = node.params.get_number("emission");
         let frames = node.inputs.first().and_then(frames_a_window);
         // Measured with the shipped model: right up to 0.57 of a window, 1.16 times as loud at 0.67,

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use asperity_diagnostics::one_of;
+use asperity_diagnostics::ron::quoted;
 use asperity_graph::GraphFile;
 use asperity_node::{Registry, Role};
 
@@ -32,6 +33,18 @@ pub fn repeat(graph: &mut GraphFile, registry: &Registry) -> Result<(), Failure>
         return Err(wrong(graph.source.path(), what, help));
     }
     graph.set(&format!("{id}.loop=true"), "--loop")?;
+    Ok(())
+}
+
+/// Names the columns of the stroke that is played: `--map force_n=Fz:N`.
+pub fn map(graph: &mut GraphFile, registry: &Registry, map: &[String]) -> Result<(), Failure> {
+    let i = only(graph, registry, "--map", "name the one you mean: --set 'NODE.map=[\"force_n=Fz:N\"]'")?;
+    if graph.nodes[i].kind != "trajectory" {
+        let what = "no file is played whose columns could be mapped";
+        return Err(wrong("--map", what, "play one: --input TRAJ.csv"));
+    }
+    let list: Vec<String> = map.iter().map(|text| quoted(text)).collect();
+    graph.set(&format!("{}.map=[{}]", graph.nodes[i].id, list.join(", ")), "--map")?;
     Ok(())
 }
 

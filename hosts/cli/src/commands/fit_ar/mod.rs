@@ -13,6 +13,7 @@ use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
 use crate::failure::{Failure, print_report, warn, wrong};
+use crate::load::ColumnArgs;
 use crate::number::{number, whole};
 use crate::output::{Pending, apart, ending, ends_in_ron, keep_all, named};
 use report::Report;
@@ -30,8 +31,8 @@ pub enum By {
 ///
 /// RECORDING is a table, a WAV file or a NumPy array, at 1 to 10 kHz. The first line of a table names its
 /// columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; at least one of ax_m_s2,
-/// ay_m_s2, az_m_s2, or acceleration_m_s2. recording.ron beside a WAV file names its channels. A NumPy
-/// array has a row for each sample. Hold several speeds and forces, a second each.
+/// ay_m_s2, az_m_s2, or acceleration_m_s2. --map gives other names. recording.ron beside a WAV file names its
+/// channels. A NumPy array has a row for each sample. Hold several speeds and forces, a second each.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
 #[command(after_help = crate::commands::examples(&[
@@ -40,6 +41,8 @@ pub enum By {
 pub struct Args {
     /// Recording: a CSV table, a WAV file or a .npy array
     pub recording: PathBuf,
+    #[command(flatten)]
+    pub map: ColumnArgs,
     /// Texture to write
     #[arg(long, value_name = "M.ron")]
     pub out: PathBuf,
@@ -179,7 +182,7 @@ fn settings(args: &Args) -> Settings {
 
 /// Reads the recording, by the ending of its name.
 fn read(args: &Args) -> Result<Recorded, Failure> {
-    let path = &args.recording;
+    let (path, map) = (&args.recording, args.map.parsed()?);
     let is_array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
         if is_array {
@@ -191,11 +194,14 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
             ));
         }
         let known = ["csv", "wav"].contains(&ending(path).as_str());
-        return Ok(recordings::recorded(path).map_err(|e| match &e.help {
+        return Ok(recordings::recorded(path, &map).map_err(|e| match &e.help {
             None if !known => e.help("a recording is a table (.csv), a WAV file (.wav) or an array (.npy)"),
             _ => e,
         })?);
     };
+    if !map.is_empty() {
+        return Err(wrong("--map", "an array has no columns to map", "--columns names them"));
+    }
     if !is_array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
         return Err(wrong("--columns", what, "for a .npy array only"));

@@ -14,7 +14,7 @@ use parking_lot::Mutex;
 
 use crate::failure::{Failure, be_quiet, print, warn, wrong};
 use crate::leave::{INTERRUPTED, stop_flag};
-use crate::load::{self, PluginArgs};
+use crate::load::{self, ColumnArgs, PluginArgs};
 use crate::number::whole;
 use crate::output::{apart, named};
 
@@ -55,6 +55,8 @@ pub struct Args {
     /// Set a parameter of the graphs before knobs are applied: NODE.PARAM=VALUE
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
+    #[command(flatten)]
+    pub columns: ColumnArgs,
     #[command(flatten)]
     pub plugins: PluginArgs,
     /// Show no progress and no chart
@@ -175,6 +177,7 @@ fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
     let shipped = named.is_none();
     let source = named.unwrap_or_else(|| Source::new(SHIPPED.0, SHIPPED.1));
     let mut tradeoff = Tradeoff::parse(&source)?;
+    tradeoff.map_columns(&args.columns.parsed()?);
     // The shipped trade-off is for any graph, and no graph has all of its knobs.
     tradeoff.lenient = source.text() == SHIPPED.1 && !graphs.is_empty();
     if shipped {
