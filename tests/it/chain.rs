@@ -243,8 +243,8 @@ fn two_actuators_of_different_profiles_cause_no_warning() {
             "sine": (kind: "sine"),
             "near": (kind: "limiter", params: (profile: "hapcoil_one", handle_mass_g: 100)),
             "far": (kind: "limiter", params: (profile: "haptuator_mark_ii", handle_mass_g: 60)),
-            "left": (kind: "audio_out", params: (channel: 1)),
-            "right": (kind: "audio_out", params: (channel: 2)),
+            "left": (kind: "audio_out"),
+            "right": (kind: "audio_out"),
         }, wires: [("sine", "near"), ("sine", "far"), ("near", "left"), ("far", "right")])"#,
     );
     for line in ["check g.ron", "render g.ron --seconds 0.1 --out o.wav"] {

@@ -115,7 +115,7 @@ impl Scene {
         let effect = effect_of(registry, &named.kind)?;
         let (direction, _) = effect.law_of(&settings, self.device.max_force_n)?;
         let form = effect.forms.iter().find(|form| form.name == settings.form())?;
-        let number = |field: &Param| match &field.kind {
+        let number = |field: &'s Param| match &field.kind {
             ParamKind::Number(range) => Some(Number {
                 of: &named.kind,
                 name: &field.name,
@@ -130,7 +130,10 @@ impl Scene {
         let of = move |values: &[f64]| {
             let mut changed = settings.clone();
             names.iter().zip(values).for_each(|(name, value)| changed.set_number(name, *value));
-            effect.law_of(&changed, most_n).map_or(Law::default(), |(_, law)| law)
+            // Settings that the effect refuses are passive on no device.
+            let refused = Law { stiffness_n_per_mm: f64::NAN, damping_ns_per_m: f64::NAN };
+            let law = effect.checked(&changed).ok().and_then(|()| effect.law_of(&changed, most_n));
+            law.map_or(refused, |(_, law)| law)
         };
         let (name, place) = (named.kind.as_str(), named.value.place());
         Some(Part { name, place, direction, numbers, of: Box::new(of) })
@@ -213,7 +216,10 @@ fn advice(laws: &[&Part<'_>], holds: impl Fn(Law) -> bool) -> Option<String> {
         which.iter().for_each(|&i| values[i] = below(share * given[i]).max(numbers[i].least));
         values
     };
-    let matters = |i: &usize| sum(&lowered(&[*i], 0.5)) != sum(&given);
+    let matters = |i: &usize| {
+        let law = sum(&lowered(&[*i], 0.5));
+        law != sum(&given) && law.stiffness_n_per_mm.is_finite()
+    };
     let all: Vec<usize> = (0..numbers.len()).filter(matters).collect();
     // The largest share that holds, by bisection.
     let share = |which: &[usize]| {
