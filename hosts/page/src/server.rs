@@ -245,6 +245,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/page.css", "text/css; charset=utf-8", include_str!("../static/page.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../static/main.js")),
+    ("/tabs.js", SCRIPT, include_str!("../static/tabs.js")),
     ("/link.js", SCRIPT, include_str!("../static/link.js")),
     ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
     ("/graph.js", SCRIPT, include_str!("../static/graph.js")),
