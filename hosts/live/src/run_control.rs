@@ -1,7 +1,7 @@
 //! Control of a run from any thread: mute it, stop it, request a change.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use parking_lot::Mutex;
 
@@ -20,6 +20,8 @@ pub struct RunControl(Arc<Held>);
 #[derive(Debug, Default)]
 struct Held {
     muted: AtomicBool,
+    /// Bits of what is taken off the full strength.
+    weakened: AtomicU32,
     stopping: Arc<AtomicBool>,
     requests: Mutex<Vec<Request>>,
 }
@@ -58,6 +60,18 @@ impl RunControl {
     /// Whether the output is to be silent. Never waits.
     pub fn muted(&self) -> bool {
         self.0.muted.load(Relaxed)
+    }
+
+    /// Sets the strength of the output from 0 to 1: a factor before every limiter, which it reaches within 20 ms.
+    /// Limits stay what they are.
+    pub fn set_strength(&self, strength: f32) {
+        let weakened = if strength.is_nan() { 1.0 } else { 1.0 - strength.clamp(0.0, 1.0) };
+        self.0.weakened.store(weakened.to_bits(), Relaxed);
+    }
+
+    /// The strength of the output; at first 1. Never waits.
+    pub fn strength(&self) -> f32 {
+        1.0 - f32::from_bits(self.0.weakened.load(Relaxed))
     }
 
     /// Ramps the output down within 15 ms, for good. The owner of the run must end it then.

@@ -2,7 +2,7 @@
 //! move.
 
 use asperity_live::view::{
-    Condition, Layout, LiveLayout, Materials, NodeLayout, NodeView, Request, ScopeLayout, SourceView,
+    Condition, Layout, LiveLayout, Material, Materials, NodeLayout, NodeView, Request, ScopeLayout, SourceView,
     TimingView, View,
 };
 
@@ -131,6 +131,11 @@ fn words<const N: usize>(words: [&str; N]) -> Vec<String> {
     words.map(str::to_owned).into()
 }
 
+/// Materials and their families.
+const MATERIALS: [[&str; 2]; 5] = [
+    ["canvas", "weave"], ["fine weave", "weave"], ["felt", "wool"], ["sandpaper 120", "sandpaper"], ["ribbed glass", "glass"],
+];
+
 /// The graph of Heravi et al. 2024 with a pointer for a stylus, and a probe.
 pub fn layout() -> Layout {
     let mut nodes = vec![
@@ -183,7 +188,8 @@ pub fn layout() -> Layout {
         materials: vec![Materials {
             node: "texture".into(),
             chosen: "canvas".into(),
-            names: words(["canvas", "fine weave", "felt", "sandpaper 120", "ribbed glass"]),
+            names: MATERIALS.map(|[name, ..]| name.to_owned()).into(),
+            gallery: MATERIALS.map(|[name, family]| Material { name: name.into(), family: family.into(), ..Material::default() }).into(),
         }],
         ..Layout::default()
     }
