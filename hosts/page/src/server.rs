@@ -248,7 +248,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/main.js", SCRIPT, include_str!("../static/main.js")),
     ("/tabs.js", SCRIPT, include_str!("../static/tabs.js")),
     ("/gallery.js", SCRIPT, include_str!("../static/gallery.js")),
-    ("/tile.js", SCRIPT, include_str!("../static/tile.js")),
+    ("/quilt.js", SCRIPT, include_str!("../static/quilt.js")),
     ("/setting.js", SCRIPT, include_str!("../static/setting.js")),
     ("/levels.js", SCRIPT, include_str!("../static/levels.js")),
     ("/listen.js", SCRIPT, include_str!("../static/listen.js")),

@@ -4,7 +4,7 @@ import { make } from "./draw.js";
 
 const FAVOURITES = "asperity.favourites";
 const ALL = "all";
-const STARRED = "\u2605";
+const STARRED = "\u2605 favourites";
 /// Letters typed within this time are one word.
 const TYPING_MS = 700;
 
@@ -77,7 +77,6 @@ export class Gallery {
   #chip(family) {
     const chip = make("button", "", family);
     chip.type = "button";
-    if (family === STARRED) chip.setAttribute("aria-label", "Favourites");
     chip.setAttribute("aria-pressed", String(family === this.#family));
     chip.addEventListener("click", () => {
       this.#family = family;
@@ -161,6 +160,7 @@ export class Gallery {
   #reveal(item) {
     const [box, at] = [this.#box.getBoundingClientRect(), item.getBoundingClientRect()];
     if (at.top < box.top || at.bottom > box.bottom) this.#box.scrollTop += at.top - box.top - (box.height - at.height) / 2;
+    if (at.left < box.left || at.right > box.right) this.#box.scrollLeft += at.left - box.left - (box.width - at.width) / 2;
   }
 
   #click(event) {
@@ -209,15 +209,22 @@ export class Gallery {
     } else if (event.key.length === 1 && event.key !== " ") {
       this.#type(event.key.toLowerCase(), seen, at);
     } else {
-      const top = seen[0].item.offsetTop;
-      const columns = Math.max(1, seen.filter(({ item }) => item.offsetTop === top).length);
-      const to = {
-        ArrowLeft: at - 1, ArrowRight: at + 1, ArrowUp: at - columns, ArrowDown: at + columns, Home: 0, End: seen.length - 1,
-      }[event.key];
+      const to = this.#beside(event.key, seen, at);
       if (to === undefined) return;
       if (seen[to]) this.#go(seen[to]);
     }
     event.preventDefault();
+  }
+
+  /** The card that an arrow leads to: cards stand in rows, or on a phone in columns. */
+  #beside(key, seen, at) {
+    const [{ offsetTop: top, offsetLeft: left }, next] = [seen[0].item, seen[1]?.item];
+    const rows = !next || next.offsetTop === top;
+    const each = Math.max(1, seen.filter(({ item }) => (rows ? item.offsetTop === top : item.offsetLeft === left)).length);
+    const [across, down] = rows ? [1, each] : [each, 1];
+    return {
+      ArrowLeft: at - across, ArrowRight: at + across, ArrowUp: at - down, ArrowDown: at + down, Home: 0, End: seen.length - 1,
+    }[key];
   }
 
   /** Goes to the next card whose name begins with what was typed. */

@@ -1,6 +1,6 @@
 // The surface: strokes of a pointer are sent to the run at once, and drawn.
 import { canvas, colour, write } from "./draw.js";
-import { tile } from "./tile.js";
+import { lay } from "./quilt.js";
 
 const INCH_MM = 25.4;
 const BAR_PX = 96;
@@ -315,7 +315,7 @@ export class Hand {
     const { pen, width, height, scale } = this.#grid.clear();
     const { image, mm } = this.#picture;
     const pictured = image && mm > 0;
-    if (pictured) tile(pen, width * scale, height * scale, image, mm, (BAR_PX * scale) / this.#mm);
+    if (pictured) lay(pen, width * scale, height * scale, image, mm, (BAR_PX * scale) / this.#mm);
     pen.strokeStyle = colour(pictured ? "--over" : "--grid");
     pen.lineWidth = 1;
     pen.beginPath();

@@ -29,7 +29,7 @@ const link = new Link();
 const hand = new Hand(link);
 const gallery = new Gallery(link);
 const setting = new Setting(link);
-export const listen = new Listen(link);
+const listen = new Listen(link);
 const record = new Record();
 const drive = new Drive();
 const graph = new Graph(by("graph"), by("graph-note"));
@@ -44,6 +44,7 @@ let view = null;
 let fresh = false;
 let muted = false;
 let scoped = false;
+let away = false;
 let noticeEnds = 0;
 
 function say(text, forMs = 0) {
@@ -124,11 +125,12 @@ link.onLayout = (next, withHand) => {
   }
 };
 link.onView = (next, places, samples) => {
-  if (view && next.number < view.number) {
-    // Another run: it goes on with what was set here.
-    scopes.restart();
-    setting.restore();
-    if (muted && !next.muted) link.ask({ mute: true });
+  const anew = view && next.number < view.number;
+  if (anew) scopes.restart();
+  if (away && layout) {
+    away = false;
+    setting.found(anew);
+    if (anew && muted && !next.muted) link.ask({ mute: true });
   }
   view = next;
   fresh = true;
@@ -172,6 +174,10 @@ link.onState = (state, why) => {
   document.body.dataset.link = state;
   if (state === "open") say("");
   else {
+    if (view) {
+      away = true;
+      setting.lost();
+    }
     condition("away", "no connection");
     say(why);
   }
@@ -203,7 +209,7 @@ function frame(now) {
   requestAnimationFrame(frame);
   if (noticeEnds && now > noticeEnds) say("");
   hand.draw();
-  if (!fresh || !layout) return;
+  if (!fresh || !layout || !view) return;
   fresh = false;
   if (scoped) {
     scopes.draw();
@@ -247,3 +253,5 @@ tabs(document.querySelector("[role=tablist]"), (shown) => {
 });
 link.open();
 requestAnimationFrame(frame);
+
+export { listen, record, scopes, setting };

@@ -16,6 +16,8 @@ export class Record {
   #rate = 0;
   #name = "";
   #url = "";
+  /// The last recording: a WAV file.
+  file = null;
 
   constructor() {
     this.#button.addEventListener("click", () => (this.#on ? this.#end() : this.#begin()));
@@ -57,7 +59,8 @@ export class Record {
     this.#on = false;
     URL.revokeObjectURL(this.#url);
     if (this.#count) {
-      this.#url = URL.createObjectURL(wav(this.#chunks, this.#rate));
+      this.file = wav(this.#chunks, this.#rate);
+      this.#url = URL.createObjectURL(this.file);
       this.#link.href = this.#url;
       this.#link.download = `asperity ${this.#name}.wav`.replace(/[^\w .-]/g, "");
       this.#link.textContent = `Save ${this.#link.download}`;

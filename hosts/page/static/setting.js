@@ -38,6 +38,11 @@ export class Setting {
     this.#show();
   }
 
+  /** The strength that was asked of the run last. */
+  get strength() {
+    return this.#asked.strength;
+  }
+
   get #here() {
     return this.#slots[this.#at];
   }
@@ -74,9 +79,16 @@ export class Setting {
     this.#tell();
   }
 
-  /** The setting again, for a run that has begun anew. */
-  restore() {
-    if (this.#layout) this.#apply();
+  /** There is no connection: what comes next may be another run. */
+  lost() {
+    this.#until = Infinity;
+  }
+
+  /** There is one again. A run that has begun anew gets the setting, another one knows better. */
+  found(anew) {
+    this.#until = 0;
+    if (anew) this.#apply();
+    else this.layout(this.#layout);
   }
 
   #swap(to) {

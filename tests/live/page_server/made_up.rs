@@ -13,13 +13,14 @@ const EDGES_US: [f64; 8] = [1.0, 3.0, 10.0, 32.0, 100.0, 320.0, 1000.0, 2000.0];
 pub struct Run {
     pub layout: Layout,
     pub muted: bool,
+    pub strength: f32,
     number: u64,
 }
 
 impl Run {
     /// One that has run for so long.
     pub fn at(seconds: u64) -> Self {
-        Self { layout: layout(), muted: false, number: seconds * FPS }
+        Self { layout: layout(), muted: false, strength: 1.0, number: seconds * FPS }
     }
 
     /// Carries a request out.
@@ -70,6 +71,7 @@ impl Run {
         View {
             number: self.number,
             muted: self.muted,
+            strength: self.strength,
             condition: match self.muted {
                 true => Condition::Muted,
                 false if seconds < 2.0 => Condition::Starting,
