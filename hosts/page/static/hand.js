@@ -251,7 +251,7 @@ export class Hand {
     // A pale edge, so that the line is seen on any picture.
     const line = () => {
       const [wide, fade] = [pen.lineWidth, pen.globalAlpha];
-      Object.assign(pen, { lineWidth: wide + 3, globalAlpha: fade * 0.7, strokeStyle: colour("--hand-edge") });
+      Object.assign(pen, { lineWidth: wide + 4, globalAlpha: fade, strokeStyle: colour("--hand-edge") });
       pen.stroke();
       Object.assign(pen, { lineWidth: wide, globalAlpha: fade, strokeStyle: colour("--hand") });
       pen.stroke();

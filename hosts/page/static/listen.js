@@ -2,8 +2,9 @@
 // on a plain address of a local network too, where there is no AudioWorklet.
 import { figure, write } from "./draw.js";
 
-/// Full scale before the soft clip [m/s²]. With the volume at its start, a texture of 2 m/s² rms plays at -37 dB of full scale.
-const FULL_M_S2 = 20;
+/// Where the soft clip begins [m/s²]. With the volume at its start, 1 m/s² rms plays at -38 dB of full scale, and nothing
+/// above -24 dB.
+const CLIP_M_S2 = 5;
 const VOLUME = "asperity.volume";
 /// Least and most time that samples wait before they are played, and at first [s].
 const [LEAST_S, MOST_S, FIRST_S] = [0.03, 0.4, 0.06];
@@ -69,8 +70,8 @@ export class Listen {
     this.#context?.close();
     const context = new AudioContext({ sampleRate: rate, latencyHint: "interactive" });
     const clip = new WaveShaperNode(context, { curve: Float32Array.from({ length: 2049 }, (_, i) => Math.tanh((i - 1024) / 512) / 2) });
-    // The curve spans -1 to 1, which is twice full scale.
-    const scale = new GainNode(context, { gain: 1 / FULL_M_S2 / 2 });
+    // The curve spans -1 to 1: twice where it begins to bend.
+    const scale = new GainNode(context, { gain: 1 / CLIP_M_S2 / 2 });
     this.#gate = new GainNode(context, { gain: 0 });
     this.#gain = new GainNode(context, { gain: 0 });
     this.#gate.connect(scale).connect(clip).connect(this.#gain).connect(context.destination);
@@ -86,7 +87,7 @@ export class Listen {
   #loud() {
     if (!this.#context) return;
     const part = Number(this.#volume.value) / 100;
-    this.#gain.gain.setTargetAtTime(part ? 10 ** (2 * (part - 1)) : 0, this.#context.currentTime, 0.02);
+    this.#gain.gain.setTargetAtTime(part ? 10 ** (1.5 * (part - 1)) : 0, this.#context.currentTime, 0.02);
   }
 
   /** Another layout counts its samples anew. */
@@ -110,7 +111,8 @@ export class Listen {
       this.#calm = now;
     }
     const whole = this.#next === first && !late;
-    if (late || this.#next === null || this.#at > now + 2 * MOST_S) this.#at = now + this.#ahead;
+    if (late || this.#next === null) this.#at = Math.max(this.#at, now + this.#ahead);
+    if (this.#at > now + 2 * MOST_S) this.#at = now + this.#ahead;
     const slack = this.#at - now;
     this.#least = Math.min(this.#least, slack);
     if (now - this.#calm > CALM_S) {
