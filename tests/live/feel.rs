@@ -81,7 +81,8 @@ fn material_is_chosen_by_click_key_and_search() {
         pen.browser.open(&url);
         pen.browser.until(&plays("ash"));
         pen.browser.eval("document.querySelector('#families button:nth-child(2)').click()");
-        let shown = "[...document.querySelectorAll('#cards li:not([hidden]) .card')].map((one) => one.textContent)";
+        let shown =
+            "[...document.querySelectorAll('#cards li:not([hidden]) .card')].map((one) => one.textContent)";
         assert_eq!(pen.browser.eval(shown), serde_json::json!(["cedar"]));
         let picture = "document.querySelector('#cards li:not([hidden]) img').naturalWidth";
         pen.browser.until(&format!("{picture} === 256"));
@@ -176,12 +177,15 @@ fn listening_plays_the_acceleration_at_its_full_rate() {
         assert_eq!(pen.browser.eval("page.listen.output"), serde_json::Value::Null);
         pen.browser.click("#listen");
         pen.browser.eval(
-            "(() => { const { output } = page.listen; window.ear = output.context.createAnalyser(); \
-             ear.fftSize = 8192; output.connect(ear); window.from = [performance.now(), page.listen.scheduled]; })()",
+            "(() => { const { output } = page.listen; \
+             window.ear = output.context.createAnalyser(); \
+             ear.fftSize = 8192; output.connect(ear); \
+             window.from = [performance.now(), page.listen.scheduled]; })()",
         );
         pen.strokes(3.0, SPEED);
         let heard = pen.browser.eval(
-            "(() => { const x = new Float32Array(8192); ear.getFloatTimeDomainData(x); const { listen } = page; \
+            "(() => { const x = new Float32Array(8192); ear.getFloatTimeDomainData(x); \
+             const { listen } = page; \
              const s = (performance.now() - from[0]) / 1000; \
              return [Math.sqrt(x.reduce((a, b) => a + b * b, 0) / 8192), Math.max(...x.map(Math.abs)), \
              (listen.scheduled - from[1]) / s, ear.context.sampleRate]; })()",
@@ -214,7 +218,8 @@ fn recording_gives_a_wav_of_what_was_played() {
         pen.lifts();
         pen.browser.until("document.querySelector('#take').href.startsWith('blob:')");
         assert_eq!(pen.browser.eval("document.querySelector('#take').download"), "asperity canvas.wav");
-        let bytes = pen.browser.eval("page.record.file.arrayBuffer().then((all) => [...new Uint8Array(all)])");
+        let bytes =
+            pen.browser.eval("page.record.file.arrayBuffer().then((all) => [...new Uint8Array(all)])");
         let bytes: Vec<u8> = serde_json::from_value(bytes).expect("bytes");
         let mut wav = hound::WavReader::new(bytes.as_slice()).expect("a WAV file");
         let spec = wav.spec();
@@ -241,8 +246,10 @@ fn scope_goes_on_while_the_other_tab_is_shown() {
         pen.browser.eval("document.querySelector('#tab-feel').focus()");
         pen.browser.key("ArrowRight", "ArrowRight");
         pen.browser.until("document.querySelectorAll('#graph .node').length > 10");
-        assert_eq!(pen.browser.eval("[document.activeElement.id, document.querySelector('#feel').hidden]"),
-            serde_json::json!(["tab-scope", true]));
+        assert_eq!(
+            pen.browser.eval("[document.activeElement.id, document.querySelector('#feel').hidden]"),
+            serde_json::json!(["tab-scope", true])
+        );
         // What was stroked before is on the scope: no panel is blank where the signal was.
         let kept_samples = "page.scopes.all.find((one) => one.name === 'acceleration').samples.whole";
         assert!(pen.browser.eval(kept_samples).as_u64() > Some(48_000), "the scope began anew");

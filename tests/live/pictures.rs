@@ -11,8 +11,8 @@ use harness::live::Live;
 
 use crate::pen::{MM, Pen, RADIUS};
 
-/// Paints the page of a run of graphs/live.ron while a pen strokes: at a desk, at night, and on a phone. They lie in
-/// target/page; with `ASPERITY_PICTURES=FOLDER` the first is also the page.png of that folder.
+/// Paints the page of a run of graphs/live.ron while a pen strokes: at a desk, at night, and on a phone. They
+/// lie in target/page; with `ASPERITY_PICTURES=FOLDER` the first is also the page.png of that folder.
 #[test]
 fn pictures_of_a_run() {
     let _alone = real_time();

@@ -203,7 +203,9 @@ async fn answer(stream: TcpStream, router: Router, visitor: Visitor) {
 
 fn router(shared: &Arc<Shared>) -> Router {
     let mut router = Router::new().route("/ws", get(watch)).route("/places", get(places));
-    router = router.route("/materials", get(pictures::materials)).route("/picture/{node}/{name}", get(pictures::picture));
+    router = router
+        .route("/materials", get(pictures::materials))
+        .route("/picture/{node}/{name}", get(pictures::picture));
     for (path, kind, text) in FILES {
         let body = with_token(text, &shared.token);
         let answer = move || async move { ([(header::CONTENT_TYPE, *kind)], body) };

@@ -40,8 +40,15 @@ const REACH_MM: f64 = 10_000.0;
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Ask {
-    Set { node: String, param: String, value: f64 },
-    Material { node: String, name: String },
+    Set {
+        node: String,
+        param: String,
+        value: f64,
+    },
+    Material {
+        node: String,
+        name: String,
+    },
     Mute(bool),
     Strength(f32),
     /// A time of the page's own; it measures how long an answer takes.

@@ -97,8 +97,8 @@ impl Processor for Limiter {
         }
     }
 
-    /// Signal so far, gain, strength, and the coil's position and temperature. A limiter with other settings, or for
-    /// another actuator, continues from this state within its own limits.
+    /// Signal so far, gain, strength, and the coil's position and temperature. A limiter with other settings,
+    /// or for another actuator, continues from this state within its own limits.
     fn state(&mut self, state: &mut State<'_>) {
         state.keep(&mut self.strength[0]);
         state.require((0.0..=1.0).contains(&self.strength[0]));

@@ -145,9 +145,7 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     );
     let Request::Set { node, param, value } = stage.asked() else { panic!("a parameter was moved") };
     assert_eq!((node.as_str(), param.as_str(), value), ("texture", "gain", 2.0));
-    browser.eval(
-        "[...document.querySelectorAll('.card')].find((one) => one.textContent === 'felt').click()",
-    );
+    browser.eval("[...document.querySelectorAll('.card')].find((one) => one.textContent === 'felt').click()");
     assert_eq!(stage.asked(), Request::Material { node: "texture".into(), name: "felt".into() });
     browser.eval(
         "(() => { const s = document.querySelector('#strength'); s.value = 40; \

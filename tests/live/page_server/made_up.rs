@@ -2,8 +2,8 @@
 //! move.
 
 use asperity_live::view::{
-    Condition, Layout, LiveLayout, Material, Materials, NodeLayout, NodeView, Request, ScopeLayout, SourceView,
-    TimingView, View,
+    Condition, Layout, LiveLayout, Material, Materials, NodeLayout, NodeView, Request, ScopeLayout,
+    SourceView, TimingView, View,
 };
 
 /// Views a second.
@@ -135,7 +135,11 @@ fn words<const N: usize>(words: [&str; N]) -> Vec<String> {
 
 /// Materials and their families.
 const MATERIALS: [[&str; 2]; 5] = [
-    ["canvas", "weave"], ["fine weave", "weave"], ["felt", "wool"], ["sandpaper 120", "sandpaper"], ["ribbed glass", "glass"],
+    ["canvas", "weave"],
+    ["fine weave", "weave"],
+    ["felt", "wool"],
+    ["sandpaper 120", "sandpaper"],
+    ["ribbed glass", "glass"],
 ];
 
 /// The graph of Heravi et al. 2024 with a pointer for a stylus, and a probe.
@@ -191,7 +195,13 @@ pub fn layout() -> Layout {
             node: "texture".into(),
             chosen: "canvas".into(),
             names: MATERIALS.map(|[name, ..]| name.to_owned()).into(),
-            gallery: MATERIALS.map(|[name, family]| Material { name: name.into(), family: family.into(), ..Material::default() }).into(),
+            gallery: MATERIALS
+                .map(|[name, family]| Material {
+                    name: name.into(),
+                    family: family.into(),
+                    ..Material::default()
+                })
+                .into(),
         }],
         ..Layout::default()
     }

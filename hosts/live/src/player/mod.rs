@@ -21,8 +21,8 @@ use ringbuf::{HeapCons, HeapProd};
 use crate::ForceModel;
 use crate::driver::{Rates, Ticker};
 use crate::now_ns;
-use crate::run_control::RunControl;
 use crate::output_limits::Seen;
+use crate::run_control::RunControl;
 
 opaque_debug!(Player);
 
