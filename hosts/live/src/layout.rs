@@ -5,6 +5,9 @@ use asperity_node::{Latency, ParamKind, ParamValue, PortType, Role, Shape, Unit}
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
 
+/// Scope of what the texture models ask for, before the limiters.
+pub(crate) const ACCELERATION: &str = "acceleration";
+
 /// Signal of a scope: node and output.
 pub(crate) type Signal = (usize, usize);
 
@@ -32,7 +35,7 @@ pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     let wanted = [
         ("speed", Unit::MILLIMETRE_PER_SECOND, false),
         ("force", Unit::NEWTON, false),
-        ("acceleration", Unit::METRE_PER_SECOND_SQUARED, true),
+        (ACCELERATION, Unit::METRE_PER_SECOND_SQUARED, true),
         ("current", Unit::AMPERE, true),
         ("voltage", Unit::VOLT, true),
     ];
@@ -72,6 +75,7 @@ pub(crate) fn layout(
         wires: wires.collect(),
         scopes: scopes(schedule).into_iter().map(|(_, s)| s).collect(),
         materials,
+        peak_drive: None,
     }
 }
 
@@ -94,6 +98,7 @@ fn live(param: &LiveParam, value: &ParamValue) -> Option<LiveLayout> {
     };
     Some(LiveLayout {
         name: param.name.clone(),
+        doc: param.doc.clone(),
         unit: param.unit.clone(),
         value,
         least,
@@ -135,7 +140,7 @@ mod tests {
     use super::*;
 
     fn of(kind: ParamKind, value: &ParamValue) -> Option<LiveLayout> {
-        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into() }, value)
+        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into(), doc: String::new() }, value)
     }
 
     #[test]

@@ -182,6 +182,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         name,
         family: None,
         images,
+        image_mm: None,
         notes,
         examples,
         truth: Truth::Draws,
