@@ -52,7 +52,8 @@ impl Processor for PassOn {
     fn reset(&mut self) {}
 }
 
-/// A pointer on a plane. Its pressure sets the depth of the stylus in the surface, and the force.
+/// A pointer on a surface. Its pressure sets the depth of the stylus below the place that it is fed, and the
+/// force.
 pub(crate) struct PointerInput {
     height_mm: f64,
     depth_mm: f64,
@@ -65,7 +66,7 @@ impl Node for PointerInput {
         let mm = |name, default, range, doc| Param::number(name, default, range, doc).unit("mm");
         let it =
             Descriptor::new("pointer_input", "A mouse, finger or pen on the live page: pressure is force.")
-                .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface."))
+                .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface; of a scene, its height over what the page shows."))
                 .param(mm("depth_mm", 6.6, 0.01..=1000.0, "How far below it the stylus is at full pressure."))
                 .param(mm("lift_mm", 2.0, 0.0..=1000.0, "How far above it the stylus is off the surface."))
                 .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure.").unit("N"));
@@ -85,10 +86,10 @@ impl Node for PointerInput {
 
 impl Processor for PointerInput {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let &[x, y, _] = tick.inputs.control(place::POSITION) else { return Status::Continue };
+        let &[x, y, z] = tick.inputs.control(place::POSITION) else { return Status::Continue };
         let pressure = tick.inputs.value(place::FORCE).clamp(0.0, 1.0);
         let above = if pressure > 0.0 { -pressure * self.depth_mm } else { self.lift_mm };
-        tick.outputs.control(place::POSITION).copy_from_slice(&[x, y, self.height_mm + above]);
+        tick.outputs.control(place::POSITION).copy_from_slice(&[x, y, z + self.height_mm + above]);
         tick.outputs.set(place::FORCE, pressure * self.max_force_n);
         tick.outputs.set(place::STROKE, tick.inputs.value(place::STROKE));
         Status::Continue

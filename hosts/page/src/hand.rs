@@ -1,10 +1,17 @@
 //! The hand on the pages: which page has it, and its strokes as samples.
 
+use std::sync::Arc;
+
 use asperity_live::{RemoteClock, Sample, SampleWriter, now_ns};
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
+use crate::map::Map;
 use crate::wire::Stroke;
+
+/// A step of the scene's height from one sample to the next that is no motion \[mm\]: the hand is put down
+/// on another surface.
+const STEP_MM: f64 = 3.0;
 
 /// The one hand. The page that touched last has it. It exists while the graph has a pointer.
 #[derive(Debug)]
@@ -18,6 +25,9 @@ struct State {
     /// `None` while the graph has no pointer.
     to: Option<SampleWriter>,
     last: Sample,
+    /// The scene under the hand, and the number of scenes so far.
+    map: Option<Arc<Map>>,
+    maps: u64,
 }
 
 #[derive(Debug, Default)]
@@ -29,7 +39,7 @@ pub(crate) struct Pen {
 
 impl Hand {
     pub(crate) fn new(to: Option<SampleWriter>) -> Self {
-        Self { state: Mutex::new(State { to, last: Sample::default() }), holder: watch::Sender::new(None) }
+        Self { state: Mutex::new(State { to, last: Sample::default(), map: None, maps: 0 }), holder: watch::Sender::new(None) }
     }
 
     /// Writes to `to` from now on; the stroke continues. Without a writer no page has the hand.
@@ -40,6 +50,23 @@ impl Hand {
         if gone {
             self.holder.send_if_modified(|holder| holder.take().is_some());
         }
+    }
+
+    /// Moves over this scene from now on.
+    pub(crate) fn set_map(&self, map: Option<Arc<Map>>) {
+        let mut state = self.state.lock();
+        state.maps += 1;
+        state.map = map;
+    }
+
+    pub(crate) fn map(&self) -> Option<Arc<Map>> {
+        self.state.lock().map.clone()
+    }
+
+    /// The number of the scene; 0 for none.
+    pub(crate) fn maps(&self) -> u64 {
+        let state = self.state.lock();
+        if state.map.is_some() { state.maps } else { 0 }
     }
 
     pub(crate) fn is_there(&self) -> bool {
@@ -69,12 +96,15 @@ impl Hand {
                 self.holder.send_replace(Some(page));
             }
             pen.number = Some(stroke.number);
+            let at = [stroke.x_mm, stroke.y_mm];
+            let height_mm = state.map.as_ref().map_or(0.0, |map| map.height_mm(at));
+            let steps = (height_mm - state.last.position[2]).abs() > STEP_MM;
             let sample = Sample {
                 time_ns: pen.clock.time_ns(stroke.at_ms / 1e3, arrived_ns),
                 arrived_ns,
-                position: [stroke.x_mm, stroke.y_mm, 0.0],
+                position: [at[0], at[1], height_mm],
                 force: stroke.pressure,
-                stroke: state.last.stroke.wrapping_add(u32::from(begins || takes)),
+                stroke: state.last.stroke.wrapping_add(u32::from(begins || takes || steps)),
             };
             state.put(sample);
         }

@@ -12,6 +12,7 @@ use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_live::needs_queues;
 use asperity_live::view::Materials;
 use asperity_node::Role;
+use asperity_page::Map;
 use asperity_texture::Library;
 
 use super::hands::{self, Held, Holding, Opened};
@@ -23,9 +24,16 @@ use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded};
 use crate::output::named;
 
+/// A graph or scene as its file and the command line have it.
+#[derive(Clone)]
+pub struct Base {
+    pub graph: GraphFile,
+    /// The scene from above, where it was one.
+    pub map: Option<Arc<Map>>,
+}
+
 pub struct Made {
-    /// The file, with the changes of the command line.
-    pub base: GraphFile,
+    pub base: Base,
     /// The same, with the changes of the user.
     pub graph: GraphFile,
     pub compiled: Compiled,
@@ -37,7 +45,7 @@ pub struct Order {
     pub args: GraphArgs,
     pub kinds: Arc<Mutex<Kinds>>,
     /// The graph to start from; `None` to read its file.
-    pub base: Option<GraphFile>,
+    pub base: Option<Base>,
     /// Live parameters that the user moved: `NODE.PARAM=VALUE`.
     pub moved: Vec<String>,
     /// Materials that the user chose: node and material.
@@ -67,15 +75,18 @@ pub struct Ready {
 pub fn make(
     args: &GraphArgs,
     kinds: &mut Kinds,
-    base: Option<GraphFile>,
+    base: Option<Base>,
     moved: &[String],
     chosen: &BTreeMap<String, String>,
 ) -> Result<Made, Failure> {
     let base = match base {
         Some(base) => base,
-        None => load::read(args, kinds)?.0,
+        None => {
+            let (graph, scene) = load::read(args, kinds)?;
+            Base { graph, map: scene.map(|of| Arc::new(Map::new(&of.scene, &of.rendered))) }
+        }
     };
-    let mut graph = base.clone();
+    let mut graph = base.graph.clone();
     for setting in moved {
         // A parameter that the file no longer has is skipped.
         let _ = graph.set(setting, "the page");
