@@ -359,6 +359,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/scene.css", "text/css; charset=utf-8", include_str!("../static/scene.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../static/main.js")),
+    ("/tabs.js", SCRIPT, include_str!("../static/tabs.js")),
     ("/link.js", SCRIPT, include_str!("../static/link.js")),
     ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
     ("/map.js", SCRIPT, include_str!("../static/map.js")),

@@ -7,6 +7,7 @@ import { Spectrum } from "./spectrum.js";
 import { Timing } from "./timing.js";
 import { Health } from "./health.js";
 import { Controls } from "./controls.js";
+import { tabs } from "./tabs.js";
 import { make, write } from "./draw.js";
 
 const by = (id) => document.getElementById(id);
@@ -26,7 +27,7 @@ const scopes = new Scopes(by("scopes"), by("span"));
 const spectrum = new Spectrum(by("spectrum"), by("spectrum-key"), scopes);
 const timing = new Timing(by("timing"), by("times"), by("deadline"));
 const health = new Health(by("tallies"), by("latency"), by("sources"));
-const controls = new Controls(by("materials"), by("controls"), link);
+const controls = new Controls(by("controls"), link);
 
 let layout = null;
 let view = null;
@@ -183,5 +184,6 @@ by("stop").addEventListener("click", (event) => {
   }, 3000);
 });
 
+tabs(document.querySelector("[role=tablist]"), () => (fresh = true));
 link.open();
 requestAnimationFrame(frame);
