@@ -66,7 +66,7 @@ impl Node for PointerInput {
         let mm = |name, default, range, doc| Param::number(name, default, range, doc).unit("mm");
         let it =
             Descriptor::new("pointer_input", "A mouse, finger or pen on the live page: pressure is force.")
-                .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface; of a scene, its height over what the page shows."))
+                .param(mm("height_mm", 0.0, -1000.0..=1000.0, "Height of the surface."))
                 .param(mm("depth_mm", 6.6, 0.01..=1000.0, "How far below it the stylus is at full pressure."))
                 .param(mm("lift_mm", 2.0, 0.0..=1000.0, "How far above it the stylus is off the surface."))
                 .param(Param::number("max_force_n", 3.3, 0.0..=100.0, "Force at full pressure.").unit("N"));

@@ -49,7 +49,8 @@ impl Default for Door {
 }
 
 impl Door {
-    /// Spawns the task of a new connection to this address of ours. Where there are many, the oldest stranger is closed for it.
+    /// Spawns the task of a new connection to this address of ours. Where there are many, the oldest stranger
+    /// is closed for it.
     pub(crate) fn enter<F>(self: &Arc<Self>, at: SocketAddr, attend: impl FnOnce(Visitor) -> F)
     where
         F: Future<Output = ()> + Send + 'static,
@@ -202,7 +203,8 @@ mod tests {
             assert!(is_ours(loopback, v4) && is_ours(loopback, v6), "{loopback}");
         }
         assert!(is_ours("192.168.1.5:8080", v4) && is_ours("[2001:db8::5]:8080", v6));
-        for other in ["192.168.1.5", "192.168.1.5:80", "192.168.1.6:8080", "2001:db8::5:8080", "pc:8080", ""] {
+        for other in ["192.168.1.5", "192.168.1.5:80", "192.168.1.6:8080", "2001:db8::5:8080", "pc:8080", ""]
+        {
             assert!(!is_ours(other, v4) && !is_ours(other, v6), "{other}");
         }
         assert!(!is_ours("192.168.1.5:8080", v6));

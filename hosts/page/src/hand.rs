@@ -39,7 +39,10 @@ pub(crate) struct Pen {
 
 impl Hand {
     pub(crate) fn new(to: Option<SampleWriter>) -> Self {
-        Self { state: Mutex::new(State { to, last: Sample::default(), map: None, maps: 0 }), holder: watch::Sender::new(None) }
+        Self {
+            state: Mutex::new(State { to, last: Sample::default(), map: None, maps: 0 }),
+            holder: watch::Sender::new(None),
+        }
     }
 
     /// Writes to `to` from now on; the stroke continues. Without a writer no page has the hand.

@@ -3,8 +3,8 @@
 use asperity_plot::{bounds, outline};
 use asperity_scene::space::{Form, Surface, WORLD_MM};
 use asperity_scene::{NETWORK, Rendered, Scene, Touchable};
+use rstar::RTree;
 use rstar::primitives::{GeomWithData, Rectangle};
-use rstar::{Envelope as _, RTree};
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -56,7 +56,8 @@ impl Map {
                 None => everywhere.push(number),
             }
         }
-        let effect = |of: &Rendered| json!({ "name": said(&of.kind), "nodes": of.nodes, "gated": of.texture });
+        let effect =
+            |of: &Rendered| json!({ "name": said(&of.kind), "nodes": of.nodes, "gated": of.texture });
         Self {
             surfaces: scene.surfaces.iter().enumerate().map(|(number, of)| Seen::new(number, of)).collect(),
             bounded: RTree::bulk_load(bounded),
@@ -68,7 +69,7 @@ impl Map {
     /// The part of the map around a place, for a page.
     pub(crate) fn around(&self, [x, y]: [f64; 2]) -> Value {
         let at = [x, y].map(|v| if v.is_finite() { v.clamp(-WORLD_MM, WORLD_MM) } else { 0.0 });
-        let nearest = self.bounded.nearest_neighbor_iter(&at).map(|of| of.data);
+        let nearest = self.bounded.nearest_neighbor_iter(at).map(|of| of.data);
         let mut numbers: Vec<usize> = self.everywhere.iter().copied().chain(nearest).take(MOST).collect();
         // In the order of the scene, so that the page does not depend on the place.
         numbers.sort_unstable();
@@ -88,9 +89,9 @@ impl Map {
         if middle.iter().all(|v| v.abs() <= WORLD_MM) { middle } else { [0.0; 2] }
     }
 
-    /// Height of the scene over a place \[mm\]: of its highest wall there, else of what else is there, else 0.
+    /// Height of the scene over a place \[mm\]: of its highest wall there, else of what is there, else 0.
     pub(crate) fn height_mm(&self, [x, y]: [f64; 2]) -> f64 {
-        let there = self.bounded.locate_all_at_point(&[x, y]).map(|of| of.data);
+        let there = self.bounded.locate_all_at_point([x, y]).map(|of| of.data);
         let there: Vec<&Seen> =
             there.chain(self.everywhere.iter().copied()).map(|number| &self.surfaces[number]).collect();
         let highest = |soft: bool| {
@@ -170,7 +171,8 @@ mod tests {
             "\"table\": (shape: rectangle(size_mm: (100, 100)), place_mm: (0, 0, -5), {WALL}),
              \"ball\": (shape: sphere(radius_mm: 10), place_mm: (20, 0, 0), {WALL}),
              \"block\": (shape: box(size_mm: (20, 20, 6)), place_mm: (-20, 0, 12), {WALL}),
-             \"ramp\": (shape: rectangle(size_mm: (20, 20)), place_mm: (0, 40, 0), turn_deg: (0, 45, 0), {WALL}),
+             \"ramp\": (shape: rectangle(size_mm: (20, 20)), place_mm: (0, 40, 0), \
+                turn_deg: (0, 45, 0), {WALL}),
              \"honey\": (shape: box(size_mm: (100, 20, 80)), place_mm: (0, -40, 0), \
                 effects: (viscosity: (viscosity_ns_per_m: 1)))"
         ));

@@ -86,8 +86,8 @@ pub struct Page {
 ///
 /// # Errors
 ///
-/// The port is taken, the address is not of this machine, the token has other characters than an address may hold, or the system gives no
-/// random numbers or no thread.
+/// The port is taken, the address is not of this machine, the token has other characters than an address may
+/// hold, or the system gives no random numbers or no thread.
 pub fn serve(
     options: Options,
     feed: Arc<Feed>,
@@ -289,17 +289,19 @@ async fn map(State(shared): State<Arc<Shared>>, Query(around): Query<Around>) ->
     }
 }
 
-fn csv(shared: &Shared, bytes: &[u8]) -> Result<String, Response> {
+/// A stroke as CSV, or the answer to one that is refused.
+fn csv(shared: &Shared, bytes: &[u8], tilt: bool) -> Result<String, Response> {
     let Some(pointer) = shared.feed.layout().pointer else {
         return Err((StatusCode::CONFLICT, "The graph has no pointer.").into_response());
     };
     let map = shared.hand.map();
-    stroke::csv(bytes, &pointer, map.as_deref()).map_err(|why| (StatusCode::BAD_REQUEST, why).into_response())
+    stroke::csv(bytes, &pointer, map.as_deref(), tilt)
+        .map_err(|why| (StatusCode::BAD_REQUEST, why).into_response())
 }
 
 /// Writes a stroke of a page as the CSV that `--input` reads.
 async fn stroke_csv(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
-    match csv(&shared, &body) {
+    match csv(&shared, &body, true) {
         Ok(csv) => ([(header::CONTENT_TYPE, "text/csv")], csv).into_response(),
         Err(refused) => refused,
     }
@@ -307,7 +309,7 @@ async fn stroke_csv(State(shared): State<Arc<Shared>>, body: Bytes) -> Response 
 
 /// Begins a render of a stroke, unless one is under way.
 async fn render(State(shared): State<Arc<Shared>>, body: Bytes) -> Response {
-    let csv = match csv(&shared, &body) {
+    let csv = match csv(&shared, &body, false) {
         Ok(csv) => csv,
         Err(refused) => return refused,
     };
@@ -362,6 +364,7 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/tabs.js", SCRIPT, include_str!("../static/tabs.js")),
     ("/link.js", SCRIPT, include_str!("../static/link.js")),
     ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
+    ("/awake.js", SCRIPT, include_str!("../static/awake.js")),
     ("/map.js", SCRIPT, include_str!("../static/map.js")),
     ("/strokes.js", SCRIPT, include_str!("../static/strokes.js")),
     ("/graph.js", SCRIPT, include_str!("../static/graph.js")),

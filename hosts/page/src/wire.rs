@@ -1,8 +1,8 @@
 //! The messages of a page's WebSocket. All numbers are little-endian.
 //!
 //! From the server, text:
-//! - `{"layout": ..., "hand": bool, "map": n}`: the graph, whether it has a pointer, and the number of its map;
-//!   0 for none,
+//! - `{"layout": ..., "hand": bool, "map": n}`: the graph, whether it has a pointer, and the number of its
+//!   map, 0 for none,
 //! - `{"hand": "yours" | "theirs" | "free"}`,
 //! - `{"refused": "why"}`: the answer to a request.
 //!

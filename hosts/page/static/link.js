@@ -1,6 +1,7 @@
 // The WebSocket: passes messages on, and reconnects when it is lost.
 const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
-const address = (path, scheme) => `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
+/** The address of something that the server has. */
+export const address = (path, scheme = "http:") => `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
 
 export class Link {
   onLayout() {}
@@ -46,7 +47,7 @@ export class Link {
 
   #text(data) {
     const message = JSON.parse(data);
-    if (message.layout) this.onLayout(message.layout, message.hand);
+    if (message.layout) this.onLayout(message.layout, message.hand, message.map);
     else if (message.refused) this.onRefused(message.refused);
     else if (message.hand) this.onHand(message.hand);
   }
@@ -65,7 +66,7 @@ export class Link {
     else this.#why ||= "The connection to the run is lost.";
     this.onState("lost", this.#why);
     try {
-      const answer = await fetch(address("/places", "http:"));
+      const answer = await fetch(address("/places"));
       const { pages, most } = answer.ok ? await answer.json() : {};
       if (pages >= most) this.#why = `${most} pages watch this run already. This one waits for a place.`;
       if (answer.status === 403) this.#why = "This address is of another run. Open the one that the program printed.";

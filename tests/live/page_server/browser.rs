@@ -170,7 +170,7 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     browser.until("document.querySelector('#notice').textContent.includes('ended')");
     browser.until("document.querySelector('#condition').dataset.is === 'away'");
     browser.complaints();
-    let _again = Stage::at(Options { port, token: Some(token) }, None);
+    let _again = Stage::at(Options { port, token: Some(token), ..Options::default() }, None);
     browser.until("document.querySelector('#condition').dataset.is === 'playing'");
     browser.until("document.querySelector('#notice').hidden");
 }

@@ -3,9 +3,9 @@
 use asperity_scene::space::{Form, Surface, WORLD_MM};
 
 /// A place on x and y.
-pub type Point = [f64; 2];
+pub(super) type Point = [f64; 2];
 /// Least and greatest x and y.
-pub type Bounds = [Point; 2];
+pub(super) type Bounds = [Point; 2];
 
 /// A plane is upright if the upward component of its normal is below this.
 const UPRIGHT: f64 = 1e-6;

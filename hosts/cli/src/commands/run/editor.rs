@@ -159,7 +159,8 @@ impl Editor {
             sets.push(format!("{id}.file={}", file.display()));
         }
         out.extend(sets.into_iter().flat_map(|set| ["--set".into(), set.into()]));
-        let flags = [("--no-prune", args.no_prune), ("--strict", args.strict), ("--no-sleep", self.args.no_sleep)];
+        let flags =
+            [("--no-prune", args.no_prune), ("--strict", args.strict), ("--no-sleep", self.args.no_sleep)];
         out.extend(flags.iter().filter(|(_, is)| *is).map(|(flag, _)| flag.into()));
         Ok(out)
     }

@@ -124,14 +124,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let session =
         Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 
-    let mut stage = Stage {
-        session,
-        editor,
-        hands,
-        recordings,
-        renders: Renders::default(),
-        failed: Default::default(),
-    };
+    let mut stage =
+        Stage { session, editor, hands, recordings, renders: Renders::default(), failed: Default::default() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
     editor.end();

@@ -21,7 +21,7 @@ use crate::commands::render::recorder::Recorder;
 use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::distinct_files;
-use crate::load::{self, GraphArgs, Loaded};
+use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::output::named;
 
 /// A graph or scene as its file and the command line have it.
@@ -79,11 +79,11 @@ pub fn make(
     moved: &[String],
     chosen: &BTreeMap<String, String>,
 ) -> Result<Made, Failure> {
-    let base = match base {
-        Some(base) => base,
+    let (mut base, scene) = match base {
+        Some(base) => (base, None),
         None => {
             let (graph, scene) = load::read(args, kinds)?;
-            Base { graph, map: scene.map(|of| Arc::new(Map::new(&of.scene, &of.rendered))) }
+            (Base { graph, map: None }, scene)
         }
     };
     let mut graph = base.graph.clone();
@@ -95,6 +95,15 @@ pub fn make(
         let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
     }
     let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
+    if let Some(OfScene { scene, mut rendered, .. }) = scene {
+        // Gates are called in every tick. That a node behind one is called tells that its effect acts.
+        let acts = |id: &String| {
+            let node = compiled.schedule.index_of(id).map(|i| &compiled.schedule.nodes[i]);
+            node.is_some_and(|node| node.gate.is_none())
+        };
+        rendered.iter_mut().for_each(|of| of.nodes.retain(acts));
+        base.map = Some(Arc::new(Map::new(&scene, &rendered)));
+    }
     let materials = materials(&compiled.schedule);
     Ok(Made { base, graph, compiled, materials })
 }

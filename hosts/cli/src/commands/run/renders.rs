@@ -52,10 +52,7 @@ impl Renders {
 }
 
 impl Job {
-    fn begin(
-        csv: &str,
-        args: impl FnOnce(&Path) -> Result<Vec<OsString>, String>,
-    ) -> Result<Self, String> {
+    fn begin(csv: &str, args: impl FnOnce(&Path) -> Result<Vec<OsString>, String>) -> Result<Self, String> {
         let cannot = |e: io::Error| format!("The stroke cannot be rendered: {e}.");
         let folder = TempDir::new().map_err(cannot)?;
         let at = |name: &str| folder.path().join(name);

@@ -53,8 +53,8 @@ impl Shows {
                 it.say(&qr(url, std::io::stderr().is_terminal()));
             }
             it.say(
-                "warning: the connection to the page is not encrypted, and whoever has its token can move the \
-                 actuator",
+                "warning: the connection to the page is not encrypted, and whoever has its token can move \
+                 the actuator",
             );
         }
         Ok(it)
