@@ -224,9 +224,11 @@ export class SceneMap {
       pen.globalAlpha = 1;
       pen.setLineDash(one.soft ? [5, 4] : []);
       pen.lineWidth = touched(of) ? 2 : 1;
+      pen.globalAlpha = touched(of) ? 1 : 0.5;
       pen.strokeStyle = touched(of) ? colour("--accent") : colour("--quiet");
       pen.stroke();
     }
+    pen.globalAlpha = 1;
     pen.setLineDash([]);
     pen.textAlign = "left";
     pen.textBaseline = "top";
@@ -291,12 +293,11 @@ export class SceneMap {
   }
 }
 
-/** A canvas under the grid and the ink of the hand. */
+/** A canvas under the ink of the hand. */
 function layer(id) {
   const element = make("canvas");
   element.id = id;
-  const grid = document.getElementById("grid");
-  grid.before(element);
+  document.getElementById("ink").before(element);
   return canvas(element);
 }
 

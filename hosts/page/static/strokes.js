@@ -35,6 +35,7 @@ export class Strokes {
 
   #take({ at, x, y, pressure, tilt = [0, 0] }, touch) {
     if (this.#now?.touch !== touch) {
+      // A lifted hand says again and again where it rests.
       if (pressure === 0) return;
       this.#end();
       this.#now = { touch, from: at, rows: [] };
@@ -42,15 +43,14 @@ export class Strokes {
     const t = (at - this.#now.from) / 1000;
     const last = this.#now.rows.at(-1);
     if (t > LONGEST_S || this.#now.rows.length >= ROWS) return;
-    // What follows the end of a touch says that the hand rests.
-    if (last?.[3] === 0 || (last && t <= last[0]) || (last && pressure > 0 && t - last[0] < NEAR_S)) return;
+    if ((last && t <= last[0]) || (last && pressure > 0 && t - last[0] < NEAR_S)) return;
     this.#now.rows.push([t, x, y, pressure, ...tilt]);
     if (pressure === 0) this.#end();
   }
 
   #end() {
     const rows = this.#now?.rows ?? [];
-    if (this.#now) this.#now.rows = [];
+    this.#now = null;
     const seconds = rows.at(-1)?.[0] ?? 0;
     if (seconds < LEAST_S) return;
     this.#count += 1;

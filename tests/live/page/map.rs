@@ -131,10 +131,8 @@ fn scene_of_10000_surfaces_is_drawn_in_part_and_says_so() {
         let room = Room::new();
         let tile = |i: i32| {
             let [x, y] = [10 * (i % 100) - 500, 10 * (i / 100) - 500];
-            format!(
-                "\"t{i}\": (shape: rectangle(size_mm: (10, 10)), place_mm: ({x}, {y}, 0), effects: \
-                 (stiffness:                  (stiffness_n_per_mm: 0.5))),\n"
-            )
+            let shape = format!("shape: rectangle(size_mm: (10, 10)), place_mm: ({x}, {y}, 0)");
+            format!("\"t{i}\": ({shape}, effects: (stiffness: (stiffness_n_per_mm: 0.5), texture: WAVE)),\n")
         };
         let (before, _) = SCENE.split_once("surfaces: {").expect("surfaces");
         let tiles: String = (0..10_000).map(tile).collect();
