@@ -89,6 +89,8 @@ pub struct LiveParam {
     pub kind: ParamKind,
     /// Its unit, for a person; may be empty.
     pub unit: String,
+    /// Its meaning, in a sentence.
+    pub doc: String,
 }
 
 /// An input of the schedule.

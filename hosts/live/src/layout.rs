@@ -5,6 +5,9 @@ use asperity_node::{Latency, ParamKind, ParamValue, PortType, Role, Shape, Unit}
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, Pointer, ScopeLayout};
 
+/// Scope of what the texture models ask for, before the limiters.
+pub(crate) const ACCELERATION: &str = "acceleration";
+
 /// Signal of a scope: node and output.
 pub(crate) type Signal = (usize, usize);
 
@@ -32,7 +35,7 @@ pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     let wanted = [
         ("speed", Unit::MILLIMETRE_PER_SECOND, false),
         ("force", Unit::NEWTON, false),
-        ("acceleration", Unit::METRE_PER_SECOND_SQUARED, true),
+        (ACCELERATION, Unit::METRE_PER_SECOND_SQUARED, true),
         ("current", Unit::AMPERE, true),
         ("voltage", Unit::VOLT, true),
     ];
@@ -73,6 +76,7 @@ pub(crate) fn layout(
         scopes: scopes(schedule).into_iter().map(|(_, s)| s).collect(),
         materials,
         pointer: schedule.with_role(Role::Hand).find_map(|(_, n)| pointer(n)),
+        peak_drive: None,
     }
 }
 
@@ -106,6 +110,7 @@ fn live(param: &LiveParam, value: &ParamValue) -> Option<LiveLayout> {
     };
     Some(LiveLayout {
         name: param.name.clone(),
+        doc: param.doc.clone(),
         unit: param.unit.clone(),
         value,
         least,
@@ -171,7 +176,7 @@ mod tests {
     use super::*;
 
     fn of(kind: ParamKind, value: &ParamValue) -> Option<LiveLayout> {
-        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into() }, value)
+        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into(), doc: String::new() }, value)
     }
 
     #[test]

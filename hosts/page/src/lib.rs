@@ -18,6 +18,7 @@ mod door;
 mod feed;
 mod hand;
 mod map;
+mod pictures;
 mod renders;
 mod server;
 mod stroke;

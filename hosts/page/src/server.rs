@@ -28,7 +28,7 @@ use crate::feed::Feed;
 use crate::hand::Hand;
 use crate::map::{Around, Map};
 use crate::renders::{Numbered, Rendered, Renders};
-use crate::{client, door, stroke, wire};
+use crate::{client, door, pictures, stroke, wire};
 
 /// Most pages at a time. One more gets 503.
 pub const PAGES: usize = 16;
@@ -263,7 +263,9 @@ fn router(shared: &Arc<Shared>) -> Router {
         .route("/map", get(map))
         .route("/stroke.csv", post(stroke_csv))
         .route("/render", get(render_state).post(render))
-        .route("/render.wav", get(render_wav));
+        .route("/render.wav", get(render_wav))
+        .route("/materials", get(pictures::materials))
+        .route("/picture/{node}/{name}", get(pictures::picture));
     for (path, kind, text) in FILES {
         let body = with_token(text, &shared.token);
         let answer = move || async move { ([(header::CONTENT_TYPE, *kind)], body) };
@@ -362,6 +364,14 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../static/main.js")),
     ("/tabs.js", SCRIPT, include_str!("../static/tabs.js")),
+    ("/gallery.js", SCRIPT, include_str!("../static/gallery.js")),
+    ("/quilt.js", SCRIPT, include_str!("../static/quilt.js")),
+    ("/setting.js", SCRIPT, include_str!("../static/setting.js")),
+    ("/levels.js", SCRIPT, include_str!("../static/levels.js")),
+    ("/listen.js", SCRIPT, include_str!("../static/listen.js")),
+    ("/record.js", SCRIPT, include_str!("../static/record.js")),
+    ("/wav.js", SCRIPT, include_str!("../static/wav.js")),
+    ("/drive.js", SCRIPT, include_str!("../static/drive.js")),
     ("/link.js", SCRIPT, include_str!("../static/link.js")),
     ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
     ("/awake.js", SCRIPT, include_str!("../static/awake.js")),

@@ -33,7 +33,7 @@ export class Controls {
     this.#shown.clear();
     const groups = this.#layout.nodes.filter((node) => node.live.length).map((node) => {
       const group = make("fieldset");
-      group.append(make("legend", "", node.id), ...node.live.map((live) => this.#control(node.id, live)));
+      group.append(make("legend", "", node.id), ...node.live.map((live) => this.#explained(node.id, live)));
       return group;
     });
     const none = make("p", "quiet", "This graph has no parameters that may change while it runs.");
@@ -49,6 +49,14 @@ export class Controls {
   #control(node, live) {
     if (live.words.length === 2 && live.words[0] === "off" && live.words[1] === "on") return this.#flag(node, live);
     return live.words.length ? this.#choice(node, live) : this.#slider(node, live);
+  }
+
+  /** A control with the meaning of its parameter. */
+  #explained(node, live) {
+    const box = make("div", "param");
+    box.append(this.#control(node, live));
+    if (live.doc) box.append(make("p", "quiet", live.doc));
+    return box;
   }
 
   #flag(node, live) {

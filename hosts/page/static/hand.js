@@ -1,5 +1,6 @@
 // The surface: strokes of a pointer are sent to the run at once, and drawn.
 import { canvas, colour, write } from "./draw.js";
+import { lay } from "./quilt.js";
 
 const INCH_MM = 25.4;
 const BAR_PX = 96;
@@ -15,8 +16,6 @@ const NEAR_MM = 1.2;
 const LIKE = 0.03;
 /// Period of the text with the place of the hand.
 const TEXT_MS = 100;
-
-const MOUSE = matchMedia("(hover: hover) and (pointer: fine)");
 
 export class Hand {
   #link;
@@ -35,6 +34,8 @@ export class Hand {
   #inked = true;
   /// Length of the bar in mm that the grid was drawn for.
   #ruled = 0;
+  /// The picture on the surface and its width in mm.
+  #picture = { image: null, mm: 0 };
   #told = 0;
   #box = null;
   #mouse = false;
@@ -73,8 +74,14 @@ export class Hand {
     this.#there = there;
     this.#surface.classList.toggle("deaf", !there);
     document.getElementById("invite").textContent = there
-      ? `Stroke here with a pen, a finger or the mouse.${MOUSE.matches ? " A mouse presses as hard as Pressure says: turn its wheel." : ""}`
+      ? "Stroke here with a pen, a finger or the mouse. With the mouse, hold the button; the wheel presses harder or softer."
       : "This graph does not listen to a pointer. Start it with --hand pointer to stroke it here.";
+  }
+
+  /** Lays a picture of so many millimetres on the surface, at true scale; null for none. */
+  lay(image, mm) {
+    this.#picture = { image, mm };
+    this.#ruled = 0;
   }
 
   /** Whose hand it is: yours, theirs or free. */
@@ -297,11 +304,18 @@ export class Hand {
     const middle = this.#middle;
     const X = (place) => width / 2 + (place.x - middle.x) * scale;
     const Y = (place) => height / 2 - (place.y - middle.y) * scale;
-    pen.strokeStyle = colour("--hand");
     // Round ends of transparent lines would show as dots where they meet.
     pen.lineCap = "butt";
     pen.lineJoin = "round";
     let like = "";
+    // A pale edge, so that the line is seen on any picture.
+    const line = () => {
+      const [wide, fade] = [pen.lineWidth, pen.globalAlpha];
+      Object.assign(pen, { lineWidth: wide + 4, globalAlpha: fade, strokeStyle: colour("--hand-edge") });
+      pen.stroke();
+      Object.assign(pen, { lineWidth: wide, globalAlpha: fade, strokeStyle: colour("--hand") });
+      pen.stroke();
+    };
     for (let i = 1; i < this.#trail.length; i += 1) {
       const [from, to] = [this.#trail[i - 1], this.#trail[i]];
       if (from.stroke !== to.stroke || from.pressure === 0) continue;
@@ -309,7 +323,7 @@ export class Hand {
       const wide = 1 + Math.round(18 * to.pressure) / 2;
       const likeness = `${to.stroke} ${fade} ${wide}`;
       if (likeness !== like) {
-        if (like) pen.stroke();
+        if (like) line();
         like = likeness;
         pen.globalAlpha = fade;
         pen.lineWidth = wide;
@@ -318,7 +332,7 @@ export class Hand {
       }
       pen.lineTo(X(to), Y(to));
     }
-    if (like) pen.stroke();
+    if (like) line();
     pen.globalAlpha = 1;
     this.#tip(pen, X, Y);
     if (now - this.#told >= TEXT_MS || !this.#inked) {
@@ -334,10 +348,11 @@ export class Hand {
   #tip(pen, X, Y) {
     if (!this.#touches()) return;
     const last = this.#last;
-    pen.fillStyle = colour("--hand");
+    Object.assign(pen, { fillStyle: colour("--hand"), strokeStyle: colour("--hand-edge"), lineWidth: 2 });
     pen.beginPath();
-    pen.arc(X(last), Y(last), 3 + 9 * last.pressure, 0, 7);
+    pen.arc(X(last), Y(last), 4 + 9 * last.pressure, 0, 7);
     pen.fill();
+    pen.stroke();
   }
 
   /** Writes the place of the hand. */
@@ -359,18 +374,20 @@ export class Hand {
   #rule() {
     if (!this.#grid.resized() && this.#ruled === this.#mm) return;
     this.#ruled = this.#mm;
-    const { pen, width, height } = this.#grid.clear();
-    pen.strokeStyle = colour("--grid");
+    const { pen, width, height, scale } = this.#grid.clear();
+    const { image, mm } = this.#picture;
+    const pictured = image && mm > 0;
+    if (pictured) lay(pen, width * scale, height * scale, image, mm, (BAR_PX * scale) / this.#mm);
+    pen.strokeStyle = colour(pictured ? "--over" : "--grid");
     pen.lineWidth = 1;
     pen.beginPath();
     const step = (10 * BAR_PX) / this.#mm;
     const first = (from) => ((from % step) + step) % step;
-    const scale = BAR_PX / this.#mm;
-    for (let x = first(width / 2 - this.#middle.x * scale); x < width; x += step) {
+    for (let x = first(width / 2 - (this.#middle.x * step) / 10); x < width; x += step) {
       pen.moveTo(Math.round(x) + 0.5, 0);
       pen.lineTo(Math.round(x) + 0.5, height);
     }
-    for (let y = first(height / 2 + this.#middle.y * scale); y < height; y += step) {
+    for (let y = first(height / 2 + (this.#middle.y * step) / 10); y < height; y += step) {
       pen.moveTo(0, Math.round(y) + 0.5);
       pen.lineTo(width, Math.round(y) + 0.5);
     }

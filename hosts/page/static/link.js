@@ -1,7 +1,12 @@
 // The WebSocket: passes messages on, and reconnects when it is lost.
 const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
-/** The address of something that the server has. */
-export const address = (path, scheme = "http:") => `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
+
+/** The address of something that the run serves. */
+export const address = (path, scheme = location.protocol) =>
+  `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
+
+/// Between two measurements of the way to the run and back.
+const ECHO_MS = 2000;
 
 export class Link {
   onLayout() {}
@@ -9,6 +14,9 @@ export class Link {
   onHand() {}
   onRefused() {}
   onState() {}
+
+  /// Time of a message to the run and back in ms.
+  there_and_back = NaN;
 
   #socket = null;
   #got = 0;
@@ -19,7 +27,7 @@ export class Link {
 
   open() {
     this.onState("opening", this.#why || "Connecting to the run.");
-    const socket = new WebSocket(address("/ws", "ws:"));
+    const socket = new WebSocket(address("/ws", location.protocol.replace("http", "ws")));
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     this.#got = 0;
@@ -27,6 +35,7 @@ export class Link {
       this.#wait = 250;
       this.#why = "";
       this.onState("open", "");
+      this.#echo(socket);
     };
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.#text(data) : this.#view(data));
     socket.onclose = (event) => this.#closed(event);
@@ -50,6 +59,13 @@ export class Link {
     if (message.layout) this.onLayout(message.layout, message.hand, message.map);
     else if (message.refused) this.onRefused(message.refused);
     else if (message.hand) this.onHand(message.hand);
+    else if ("echo" in message) this.there_and_back = performance.now() - message.echo;
+  }
+
+  #echo(socket) {
+    if (socket.readyState !== WebSocket.OPEN) return;
+    socket.send(JSON.stringify({ echo: performance.now() }));
+    setTimeout(() => this.#echo(socket), ECHO_MS);
   }
 
   #view(data) {

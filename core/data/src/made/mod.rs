@@ -18,7 +18,7 @@ use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Random;
 use asperity_surfaces::tactile::{Camera, Press, indentation};
 use asperity_surfaces::topography::{HeightField, MadeSurface, made_surfaces};
-use asperity_texture::picture::Image;
+use asperity_texture::picture::{IMAGE, Image};
 use rayon::prelude::*;
 
 pub use expectations::expectations;
@@ -111,6 +111,7 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
         description: surface.description.clone(),
         family: Some(surface.family.name().to_owned()),
         images,
+        image_mm: Some(Camera::USUAL.pixel_mm * IMAGE[1] as f64),
         examples,
         truth: Truth::Draws,
         notes: Vec::new(),

@@ -175,6 +175,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         name,
         family: None,
         images,
+        image_mm: None,
         notes,
         examples,
         truth: Truth::Draws,

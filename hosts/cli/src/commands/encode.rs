@@ -119,6 +119,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         description: args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}.")),
         family: args.family.clone(),
         images: args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?,
+        image_mm: None,
         // A picture does not show where ridges and bumps are: the nearest material's are taken.
         pattern: nearest.map(|m| m.pattern.clone()).unwrap_or_default(),
         vector: library.assign(&mean, how),

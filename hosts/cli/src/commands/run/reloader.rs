@@ -10,10 +10,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use asperity_engine::SwapError;
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_live::needs_queues;
-use asperity_live::view::Materials;
+use asperity_live::view::{Material, Materials};
 use asperity_node::Role;
 use asperity_page::Map;
-use asperity_texture::Library;
+use asperity_texture::{Library, LibraryMaterial};
 
 use super::hands::{self, Held, Holding, Opened};
 use super::recordings::{Sink, left_behind, recorders};
@@ -242,7 +242,16 @@ fn materials(schedule: &Schedule) -> Vec<Materials> {
     let of = |node: &ScheduledNode| {
         let library = Library::shared(node.params.file("library")).ok()?;
         let names = library.materials().iter().map(|m| m.name.clone()).collect();
-        Some(Materials { node: node.id.clone(), chosen: node.params.text("material").to_owned(), names })
+        let shown = |m: &LibraryMaterial| Material {
+            name: m.name.clone(),
+            family: m.family.clone().unwrap_or_default(),
+            description: m.description.clone(),
+            picture: m.images.first().map(|image| library.beside(image)),
+            picture_mm: m.image_mm,
+        };
+        let gallery = library.materials().iter().map(shown).collect();
+        let chosen = node.params.text("material").to_owned();
+        Some(Materials { node: node.id.clone(), chosen, names, gallery })
     };
     networks.filter_map(of).collect()
 }
