@@ -167,4 +167,23 @@ mod tests {
         assert!(all.is_sorted_by(|a, b| a.time_ns < b.time_ns));
         assert!(all.iter().all(|s| s.time_ns <= s.arrived_ns));
     }
+
+    #[test]
+    fn hand_follows_the_height_and_a_step_is_no_motion() {
+        let map = crate::map::tests::map(
+            "\"ramp\": (shape: rectangle(size_mm: (100, 100)), turn_deg: (0, -45, 0), \
+                effects: (stiffness: (stiffness_n_per_mm: 1))), \
+             \"block\": (shape: box(size_mm: (20, 20, 20)), place_mm: (20, 0, 30), \
+                effects: (stiffness: (stiffness_n_per_mm: 1)))",
+        );
+        let (to, mut from) = samples();
+        let hand = Hand::new(Some(to));
+        hand.set_map(Some(Arc::new(map)));
+        let mut pen = Pen::default();
+        let way: Vec<Stroke> = (0..4).map(|i| at(f64::from(i), 8.0 + f64::from(i), 0.5, 1)).collect();
+        hand.moved(1, &mut pen, 4.0, &way);
+        let all: Vec<Sample> = std::iter::from_fn(|| from.take()).collect();
+        let told: Vec<_> = all.iter().map(|s| (s.position[2].round(), s.stroke)).collect();
+        assert_eq!(told, [(8.0, 1), (9.0, 1), (40.0, 2), (40.0, 2)]);
+    }
 }

@@ -151,11 +151,11 @@ fn top_mm(surface: &Surface, [x, y]: [f64; 2]) -> Option<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use asperity_diagnostics::Source;
 
-    fn map(surfaces: &str) -> Map {
+    pub(crate) fn map(surfaces: &str) -> Map {
         let text = format!(
             "Scene(version: 1, input: stroke(extent_mm: 60, speed_mm_s: 50, duration_s: 1), \
              device: (damping_ns_per_m: 2), surfaces: {{ {surfaces} }})"

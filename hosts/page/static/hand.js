@@ -94,8 +94,8 @@ export class Hand {
   linked(there) {
     if (!there) {
       this.held("free");
+      this.endAgain();
       this.#pointer = null;
-      this.#endAgain();
     }
   }
 
@@ -124,10 +124,6 @@ export class Hand {
   /** Ends a stroke that is played again. */
   endAgain() {
     if (this.#pointer === "again") this.#lift(performance.now());
-    this.#endAgain();
-  }
-
-  #endAgain() {
     const done = this.#again?.done;
     this.#again = null;
     done?.();
@@ -284,8 +280,8 @@ export class Hand {
   }
 
   #free() {
+    this.endAgain();
     this.#pointer = null;
-    this.#endAgain();
     this.#mine = false;
     this.#link.tell(new Float64Array([2]));
   }
