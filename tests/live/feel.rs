@@ -125,6 +125,11 @@ fn strength_attenuates_what_is_played_without_a_click() {
             return Err("the pen hardly moved".into());
         }
         assert!(levels[levels.len() - 3..].iter().all(|x| *x < 1e-4), "a strength of 0 is heard");
+        // A click is a step of about the signal itself; at full strength a step is a small part of it.
+        let step = |x: &[f32]| x.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        let (all, before) = (step(&sent), step(&sent[begins..begins + 48_000]));
+        println!("largest step {all}, at full strength {before}");
+        assert!(all < 1.5 * before, "a click: {all} against {before}");
         Ok(())
     });
 }
@@ -138,9 +143,10 @@ fn a_and_b_swap_and_match_their_level() {
         pen.does("document.querySelector('#match').click()");
         pen.strokes(3.5, SPEED);
         pen.does("document.querySelector('#slot-b').click()");
-        let glass = card(&mut pen, "sandpaper P36");
-        pen.does(&format!("document.querySelector('{glass} .card').click()"));
-        pen.strokes(0.5, SPEED);
+        let rough = card(&mut pen, "sandpaper P36");
+        pen.does(&format!("document.querySelector('{rough} .card').click()"));
+        let chosen = "document.querySelector('#slot-b span').textContent.startsWith('sandpaper P36')";
+        pen.strokes_until(SPEED, chosen);
         let early = pen.browser.eval(says);
         assert!(early.as_str().is_some_and(|text| text.starts_with("Not yet measured")), "{early}");
         pen.strokes_until(SPEED, &format!("/^[AB] is lowered by \\d+\\.\\d dB/.test({says})"));

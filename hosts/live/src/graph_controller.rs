@@ -12,7 +12,7 @@ use parking_lot::Mutex;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use crate::layout::{layout, scopes};
+use crate::layout::{ACCELERATION, layout, scopes};
 use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
 use crate::player::{Hand, MicReader, NodeMeters, Player, Scope, TapeReader, Wiring, tape};
 use crate::timeline::Timeline;

@@ -30,8 +30,15 @@ const WORDS = {
 
 const link = new Link();
 const hand = new Hand(link);
-const gallery = new Gallery(link);
 const setting = new Setting(link);
+/// What a person asks for by hand belongs to the setting.
+const byHand = {
+  ask(what) {
+    setting.touched();
+    link.ask(what);
+  },
+};
+const gallery = new Gallery(byHand);
 const listen = new Listen(link);
 const record = new Record();
 const drive = new Drive();
@@ -40,7 +47,7 @@ const scopes = new Scopes(by("scopes"), by("span"));
 const spectrum = new Spectrum(by("spectrum"), by("spectrum-key"), scopes);
 const timing = new Timing(by("timing"), by("times"), by("deadline"));
 const health = new Health(by("tallies"), by("latency"), by("sources"));
-const controls = new Controls(by("controls"), link);
+const controls = new Controls(by("controls"), byHand);
 
 const map = new SceneMap(by("map"), hand);
 const strokes = new Strokes(by("strokes"), hand);
@@ -237,7 +244,7 @@ by("mute").addEventListener("click", mute);
 addEventListener("keydown", (event) => {
   const typing = event.target.closest?.("input:not([type=range]), select, textarea");
   if (event.code !== "Space" || event.repeat || typing || event.ctrlKey || event.metaKey || event.altKey) return;
-  if (event.target.closest?.("button, [type=checkbox]") && event.target.id !== "mute") return;
+  if (event.target.closest?.("button, summary, [type=checkbox]") && event.target.id !== "mute") return;
   event.preventDefault();
   mute();
 });

@@ -63,7 +63,7 @@ export class Record {
       this.#url = URL.createObjectURL(this.file);
       this.#link.href = this.#url;
       this.#link.download = `asperity ${this.#name}.wav`.replace(/[^\w .-]/g, "");
-      this.#link.textContent = `Save ${this.#link.download}`;
+      this.#link.textContent = "Save the WAV file";
     }
     this.#link.hidden = !this.#count;
     this.#chunks = [];

@@ -79,6 +79,11 @@ export class Setting {
     this.#tell();
   }
 
+  /** A person changes the setting, also while it is on its way. */
+  touched() {
+    if (this.#until !== Infinity) this.#until = 0;
+  }
+
   /** There is no connection: what comes next may be another run. */
   lost() {
     this.#until = Infinity;
@@ -101,14 +106,16 @@ export class Setting {
   #apply() {
     const { materials, params } = this.#here;
     const now = current(this.#layout);
+    const asks = [];
     for (const [node, name] of Object.entries(materials)) {
-      if (node in now.materials && now.materials[node] !== name) this.#link.ask({ material: { node, name } });
+      if (node in now.materials && now.materials[node] !== name) asks.push({ material: { node, name } });
     }
     for (const [id, value] of Object.entries(params)) {
       const [node, param] = id.split("\n");
-      if (id in now.params && now.params[id] !== value) this.#link.ask({ set: { node, param, value } });
+      if (id in now.params && now.params[id] !== value) asks.push({ set: { node, param, value } });
     }
-    this.#until = performance.now() + 3000;
+    for (const ask of asks) this.#link.ask(ask);
+    this.#until = asks.length ? performance.now() + 3000 : 0;
     this.#changed = performance.now();
     this.#asked.strength = NaN;
     this.#tell();
@@ -136,7 +143,7 @@ export class Setting {
     requestAnimationFrame(() => {
       this.#waits = false;
       const strength = this.#here.strength * this.#lowered(this.#at);
-      if (Math.abs(strength - this.#asked.strength) < 1e-3) return;
+      if (Math.abs(strength - this.#asked.strength) < 5e-3) return;
       this.#asked = { strength, at: performance.now() };
       this.#link.ask({ strength });
     });
