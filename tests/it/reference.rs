@@ -7,7 +7,7 @@ use asperity_autoregressive::TextureFile;
 use asperity_data::recordings;
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_graph::GraphFile;
-use asperity_motion::{Trajectory, TrajectoryOptions};
+use asperity_motion::{ColumnMap, Trajectory, TrajectoryOptions};
 use asperity_scene::Scene;
 use asperity_texture::Library;
 use asperity_tradeoff::Tradeoff;
@@ -42,7 +42,7 @@ fn reader(example: &str) -> Option<Read> {
         ("Autoregressive(", |s| TextureFile::parse(s).map(drop)),
         ("Tradeoff(", |s| Tradeoff::parse(s).map(drop)),
         ("t_s,x_mm", |s| Trajectory::parse(s, &TrajectoryOptions::default()).map(drop)),
-        ("t_s,force_n", |s| recordings::parse(s).map(drop)),
+        ("t_s,force_n", |s| recordings::parse(s, &ColumnMap::default()).map(drop)),
     ];
     readers.into_iter().find(|(word, _)| example.starts_with(word)).map(|(_, read)| read)
 }

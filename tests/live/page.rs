@@ -1,6 +1,8 @@
 //! `asperity run --page` with a browser: a pen on the page is heard, and what is done on the page happens.
 
+mod bind;
 mod crowd;
+mod map;
 
 use std::path::Path;
 use std::time::Duration;

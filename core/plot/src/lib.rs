@@ -29,7 +29,7 @@ mod scatter;
 mod spectrogram;
 mod svg;
 
-pub use above::{Moment, SceneMap, Seen};
+pub use above::{Moment, SceneMap, Seen, bounds, outline};
 pub use chart::{Chart, Plot, Scale, Trace};
 pub use dots::{Column, Dots};
 pub use fit::{Fit, Spectrum};

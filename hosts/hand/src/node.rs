@@ -57,7 +57,8 @@ impl Processor for PassOn {
     fn reset(&mut self) {}
 }
 
-/// A pointer on a plane. Its pressure sets the depth of the stylus in the surface, and the force.
+/// A pointer on a surface. Its pressure sets the depth of the stylus below the place that it is fed, and the
+/// force.
 pub(crate) struct PointerInput {
     height_mm: f64,
     depth_mm: f64,
@@ -97,10 +98,10 @@ impl Node for PointerInput {
 
 impl Processor for PointerInput {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
-        let &[x, y, _] = tick.inputs.control(place::POSITION) else { return Status::Continue };
+        let &[x, y, z] = tick.inputs.control(place::POSITION) else { return Status::Continue };
         let pressure = tick.inputs.value(place::FORCE).clamp(0.0, 1.0);
         let above = if pressure > 0.0 { -pressure * self.depth_mm } else { self.lift_mm };
-        tick.outputs.control(place::POSITION).copy_from_slice(&[x, y, self.height_mm + above]);
+        tick.outputs.control(place::POSITION).copy_from_slice(&[x, y, z + self.height_mm + above]);
         tick.outputs.set(place::FORCE, pressure * self.max_force_n);
         tick.outputs.set(place::STROKE, tick.inputs.value(place::STROKE));
         Status::Continue

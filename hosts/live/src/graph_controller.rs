@@ -277,6 +277,7 @@ impl GraphController {
         view.layout = sent.swap;
         view.nodes = sent.meters.view(&sent.schedule);
         view.faults = sent.meters.faults();
+        view.stylus_mm = sent.meters.stylus_mm();
         let call = sent.meters.inside();
         match (&mut self.inside, call) {
             (Some((seen, lasts)), Some((call, node))) if *seen == call => {

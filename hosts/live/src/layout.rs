@@ -3,7 +3,7 @@
 use asperity_graph::{GraphFile, LiveParam, Schedule, ScheduledNode};
 use asperity_node::{Latency, ParamKind, ParamValue, PortType, Role, Shape, Unit};
 
-use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
+use crate::view::{Layout, LiveLayout, Materials, NodeLayout, Pointer, ScopeLayout};
 
 /// Scope of what the texture models ask for, before the limiters.
 pub(crate) const ACCELERATION: &str = "acceleration";
@@ -75,8 +75,20 @@ pub(crate) fn layout(
         wires: wires.collect(),
         scopes: scopes(schedule).into_iter().map(|(_, s)| s).collect(),
         materials,
+        pointer: schedule.with_role(Role::Hand).find_map(|(_, n)| pointer(n)),
         peak_drive: None,
     }
+}
+
+/// The pointer of a page that a node is; `None` for another hand.
+fn pointer(node: &ScheduledNode) -> Option<Pointer> {
+    let number = |name| node.params.get_number(name);
+    Some(Pointer {
+        height_mm: number("height_mm")?,
+        depth_mm: number("depth_mm")?,
+        lift_mm: number("lift_mm")?,
+        max_force_n: number("max_force_n")?,
+    })
 }
 
 /// Live parameter with its value; `None` if it is no number.

@@ -19,8 +19,23 @@ pub struct Layout {
     pub scopes: Vec<ScopeLayout>,
     /// Textures that a person may choose, by node.
     pub materials: Vec<Materials>,
+    /// How a pointer on a page becomes a stylus, if the graph has one.
+    pub pointer: Option<Pointer>,
     /// Largest drive of the first actuator \[A or V\].
     pub peak_drive: Option<f64>,
+}
+
+/// A pointer on a page as a stylus: where it is above the surface, and how hard it presses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Pointer {
+    /// Height of the surface where the page has no other.
+    pub height_mm: f64,
+    /// Depth below the surface at full pressure.
+    pub depth_mm: f64,
+    /// Height above the surface when it is lifted.
+    pub lift_mm: f64,
+    /// Force at full pressure.
+    pub max_force_n: f64,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -143,6 +158,8 @@ pub struct View {
     /// Each node, in the layout's order.
     pub nodes: Vec<NodeView>,
     pub sources: Vec<SourceView>,
+    /// Place of the stylus over a scene.
+    pub stylus_mm: Option<[f32; 3]>,
     /// New samples of each scope, oldest first.
     pub scopes: Vec<Vec<f32>>,
     /// Latency from the hand to the actuator, as items with milliseconds.

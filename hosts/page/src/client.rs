@@ -208,7 +208,7 @@ impl Show<'_> {
         let news = self.shared.feed.after(self.layouts, self.seen);
         if let Some((layout, count)) = news.layout {
             self.layouts = count;
-            let text = wire::layout(&layout, self.shared.hand.is_there());
+            let text = wire::layout(&layout, self.shared.hand.is_there(), self.shared.hand.maps());
             self.send(Message::Text(text.into())).await?;
         }
         let owed = self.sent.saturating_sub(*self.got.borrow());

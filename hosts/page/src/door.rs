@@ -1,9 +1,13 @@
 //! Limits of connections, checks of requests, and the security headers of answers.
 //!
+//! A request must name the address that its connection came to. So the server may be bound to every address
+//! of the machine, and a foreign name that resolves to one of them is still refused.
+//!
 //! Connections with the token are counted apart: those without it cannot take their places.
 
 use std::collections::BTreeMap;
 use std::future::Future;
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::sync::{Arc, OnceLock};
 
 use axum::extract::{Extension, Request, State};
@@ -32,6 +36,8 @@ struct Strangers {
 pub(crate) struct Visitor {
     door: Arc<Door>,
     number: u64,
+    /// The address of ours that it came to.
+    at: SocketAddr,
     /// Its place among the connections with the token.
     place: OnceLock<OwnedSemaphorePermit>,
 }
@@ -43,8 +49,9 @@ impl Default for Door {
 }
 
 impl Door {
-    /// Spawns the task of a new connection. Where there are many, the oldest stranger is closed for it.
-    pub(crate) fn enter<F>(self: &Arc<Self>, attend: impl FnOnce(Visitor) -> F)
+    /// Spawns the task of a new connection to this address of ours. Where there are many, the oldest stranger
+    /// is closed for it.
+    pub(crate) fn enter<F>(self: &Arc<Self>, at: SocketAddr, attend: impl FnOnce(Visitor) -> F)
     where
         F: Future<Output = ()> + Send + 'static,
     {
@@ -53,7 +60,7 @@ impl Door {
         let oldest = if full { strangers.here.pop_first() } else { None };
         strangers.came += 1;
         let number = strangers.came;
-        let visitor = Visitor { door: self.clone(), number, place: OnceLock::new() };
+        let visitor = Visitor { door: self.clone(), number, at, place: OnceLock::new() };
         let task = tokio::spawn(attend(visitor));
         strangers.here.insert(number, task.abort_handle());
         drop(strangers);
@@ -89,16 +96,15 @@ pub(crate) async fn guard(
     next: Next,
 ) -> Response {
     let query = request.uri().query().unwrap_or_default();
-    let refused = match refused(request.headers(), query, shared.port, &shared.token) {
-        Some(why) => Some((StatusCode::FORBIDDEN, why)),
-        None if !visitor.admit() => Some((StatusCode::SERVICE_UNAVAILABLE, "too many connections\n")),
-        None => None,
+    let checked = checked(request.headers(), query, visitor.at, &shared.token).map(str::to_owned);
+    let mut response = match &checked {
+        Err(why) => (StatusCode::FORBIDDEN, *why).into_response(),
+        Ok(_) if !visitor.admit() => {
+            (StatusCode::SERVICE_UNAVAILABLE, "too many connections\n").into_response()
+        }
+        Ok(_) => next.run(request).await,
     };
-    let mut response = match refused {
-        None => next.run(request).await,
-        Some(refused) => refused.into_response(),
-    };
-    shut(response.headers_mut(), shared.port);
+    shut(response.headers_mut(), checked.ok().as_deref());
     // One request, one connection: an idle connection would take the place of another.
     if response.status() != StatusCode::SWITCHING_PROTOCOLS {
         response.headers_mut().insert(header::CONNECTION, HeaderValue::from_static("close"));
@@ -106,25 +112,37 @@ pub(crate) async fn guard(
     response
 }
 
-/// Why a request is refused, if it is.
+/// Answers the host that a request names, or why the request is refused.
 ///
 /// A request may lack an origin: browsers leave it out when they open a page, and always send it with a
-/// WebSocket. A WebSocket without one comes from a program on this machine that knows the token.
-fn refused(headers: &HeaderMap, query: &str, port: u16, token: &str) -> Option<&'static str> {
-    let Some(host) = only(headers, header::HOST) else { return Some("a request needs exactly one Host\n") };
-    if host != format!("127.0.0.1:{port}") && host != format!("localhost:{port}") {
-        return Some("the Host of this request is not this machine\n");
+/// WebSocket. A WebSocket without one comes from a program that knows the token.
+fn checked<'h>(
+    headers: &'h HeaderMap,
+    query: &str,
+    at: SocketAddr,
+    token: &str,
+) -> Result<&'h str, &'static str> {
+    let host = only(headers, header::HOST).ok_or("a request needs exactly one Host\n")?;
+    if !is_ours(host, at) {
+        return Err("the Host of this request is not this machine\n");
     }
     let foreign = headers.contains_key(header::ORIGIN)
         && only(headers, header::ORIGIN).is_none_or(|origin| origin.strip_prefix("http://") != Some(host));
     if foreign {
-        return Some("this request comes from another page\n");
+        return Err("this request comes from another page\n");
     }
     let mut tokens = query.split('&').filter_map(|part| part.strip_prefix("token="));
     match (tokens.next(), tokens.next()) {
-        (Some(told), None) if same(told, token) => None,
-        _ => Some("the address needs the token that the program printed\n"),
+        (Some(told), None) if same(told, token) => Ok(host),
+        _ => Err("the address needs the token that the program printed\n"),
     }
+}
+
+/// Whether a host is the address that its connection came to, or the loopback address, with our port.
+fn is_ours(host: &str, at: SocketAddr) -> bool {
+    let port = at.port();
+    let ours = [at, (Ipv4Addr::LOCALHOST, port).into(), (Ipv6Addr::LOCALHOST, port).into()];
+    ours.iter().any(|ours| host == ours.to_string()) || host == format!("localhost:{port}")
 }
 
 fn only(headers: &HeaderMap, name: header::HeaderName) -> Option<&str> {
@@ -143,11 +161,11 @@ fn same(a: &str, b: &str) -> bool {
 
 /// Forbids everything that the page does not need. WebSockets are named, since `'self'` means HTTP alone in
 /// older browsers.
-fn shut(headers: &mut HeaderMap, port: u16) {
+fn shut(headers: &mut HeaderMap, host: Option<&str>) {
+    let socket = host.map(|host| format!(" ws://{host}")).unwrap_or_default();
     let policy = format!(
-        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; \
-         connect-src 'self' ws://127.0.0.1:{port} ws://localhost:{port}; \
-         base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; media-src 'self'; \
+         connect-src 'self'{socket}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
     );
     if let Ok(policy) = HeaderValue::from_str(&policy) {
         headers.insert(header::CONTENT_SECURITY_POLICY, policy);
@@ -175,5 +193,20 @@ mod tests {
         for other in ["", "ab", "abcd", "abd", "bbc"] {
             assert!(!same("abc", other) && !same(other, "abc"), "{other}");
         }
+    }
+
+    #[test]
+    fn hosts_of_the_connection_and_loopback_are_ours() {
+        let at = |at: &str| at.parse::<SocketAddr>().unwrap();
+        let (v4, v6) = (at("192.168.1.5:8080"), at("[2001:db8::5]:8080"));
+        for loopback in ["127.0.0.1:8080", "[::1]:8080", "localhost:8080"] {
+            assert!(is_ours(loopback, v4) && is_ours(loopback, v6), "{loopback}");
+        }
+        assert!(is_ours("192.168.1.5:8080", v4) && is_ours("[2001:db8::5]:8080", v6));
+        for other in ["192.168.1.5", "192.168.1.5:80", "192.168.1.6:8080", "2001:db8::5:8080", "pc:8080", ""]
+        {
+            assert!(!is_ours(other, v4) && !is_ours(other, v6), "{other}");
+        }
+        assert!(!is_ours("192.168.1.5:8080", v6));
     }
 }

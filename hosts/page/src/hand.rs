@@ -1,10 +1,17 @@
 //! The hand on the pages: which page has it, and its strokes as samples.
 
+use std::sync::Arc;
+
 use asperity_live::{RemoteClock, Sample, SampleWriter, now_ns};
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
+use crate::map::Map;
 use crate::wire::Stroke;
+
+/// A step of the scene's height from one sample to the next that is no motion \[mm\]: the hand is put down
+/// on another surface.
+const STEP_MM: f64 = 3.0;
 
 /// The one hand. The page that touched last has it. It exists while the graph has a pointer.
 #[derive(Debug)]
@@ -18,6 +25,9 @@ struct State {
     /// `None` while the graph has no pointer.
     to: Option<SampleWriter>,
     last: Sample,
+    /// The scene under the hand, and the number of scenes so far.
+    map: Option<Arc<Map>>,
+    maps: u64,
 }
 
 #[derive(Debug, Default)]
@@ -29,7 +39,10 @@ pub(crate) struct Pen {
 
 impl Hand {
     pub(crate) fn new(to: Option<SampleWriter>) -> Self {
-        Self { state: Mutex::new(State { to, last: Sample::default() }), holder: watch::Sender::new(None) }
+        Self {
+            state: Mutex::new(State { to, last: Sample::default(), map: None, maps: 0 }),
+            holder: watch::Sender::new(None),
+        }
     }
 
     /// Writes to `to` from now on; the stroke continues. Without a writer no page has the hand.
@@ -40,6 +53,23 @@ impl Hand {
         if gone {
             self.holder.send_if_modified(|holder| holder.take().is_some());
         }
+    }
+
+    /// Moves over this scene from now on.
+    pub(crate) fn set_map(&self, map: Option<Arc<Map>>) {
+        let mut state = self.state.lock();
+        state.maps += 1;
+        state.map = map;
+    }
+
+    pub(crate) fn map(&self) -> Option<Arc<Map>> {
+        self.state.lock().map.clone()
+    }
+
+    /// The number of the scene; 0 for none.
+    pub(crate) fn maps(&self) -> u64 {
+        let state = self.state.lock();
+        if state.map.is_some() { state.maps } else { 0 }
     }
 
     pub(crate) fn is_there(&self) -> bool {
@@ -69,12 +99,15 @@ impl Hand {
                 self.holder.send_replace(Some(page));
             }
             pen.number = Some(stroke.number);
+            let at = [stroke.x_mm, stroke.y_mm];
+            let height_mm = state.map.as_ref().map_or(0.0, |map| map.height_mm(at));
+            let steps = (height_mm - state.last.position[2]).abs() > STEP_MM;
             let sample = Sample {
                 time_ns: pen.clock.time_ns(stroke.at_ms / 1e3, arrived_ns),
                 arrived_ns,
-                position: [stroke.x_mm, stroke.y_mm, 0.0],
+                position: [at[0], at[1], height_mm],
                 force: stroke.pressure,
-                stroke: state.last.stroke.wrapping_add(u32::from(begins || takes)),
+                stroke: state.last.stroke.wrapping_add(u32::from(begins || takes || steps)),
             };
             state.put(sample);
         }
@@ -133,5 +166,24 @@ mod tests {
         assert_eq!(told, [(1.0, 0.5, 1), (2.0, 0.5, 1), (31.0, 0.5, 2), (4.0, 0.5, 3), (4.0, 0.0, 3)]);
         assert!(all.is_sorted_by(|a, b| a.time_ns < b.time_ns));
         assert!(all.iter().all(|s| s.time_ns <= s.arrived_ns));
+    }
+
+    #[test]
+    fn hand_follows_the_height_and_a_step_is_no_motion() {
+        let map = crate::map::tests::map(
+            "\"ramp\": (shape: rectangle(size_mm: (100, 100)), turn_deg: (0, -45, 0), \
+                effects: (stiffness: (stiffness_n_per_mm: 1))), \
+             \"block\": (shape: box(size_mm: (20, 20, 20)), place_mm: (20, 0, 30), \
+                effects: (stiffness: (stiffness_n_per_mm: 1)))",
+        );
+        let (to, mut from) = samples();
+        let hand = Hand::new(Some(to));
+        hand.set_map(Some(Arc::new(map)));
+        let mut pen = Pen::default();
+        let way: Vec<Stroke> = (0..4).map(|i| at(f64::from(i), 8.0 + f64::from(i), 0.5, 1)).collect();
+        hand.moved(1, &mut pen, 4.0, &way);
+        let all: Vec<Sample> = std::iter::from_fn(|| from.take()).collect();
+        let told: Vec<_> = all.iter().map(|s| (s.position[2].round(), s.stroke)).collect();
+        assert_eq!(told, [(8.0, 1), (9.0, 1), (40.0, 2), (40.0, 2)]);
     }
 }

@@ -1,12 +1,13 @@
-//! The live page: a surface to stroke, and the figures of a running graph, in a browser on this machine.
+//! The live page: a surface to stroke, and the figures of a running graph, in a browser.
 //!
 //! [`serve`] starts a server on a thread of its own. The control thread of a run hands figures to a
 //! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
 //! requests out of the run's [`asperity_live::RunControl`]. The tick thread is not involved.
 //!
-//! Only programs on this machine that know the token in the address are served. `Host` must be the loopback
-//! address or `localhost` with our port: a foreign name that resolves to this machine is refused. `Origin`,
-//! where a request has one, must be this page. The page loads nothing from elsewhere, and forbids the
+//! The server is bound to the loopback address unless the user names another. Only programs that know the
+//! token in the address are served. `Host` must be the address that the connection came to, or the loopback
+//! address, with our port: a foreign name that resolves to this machine is refused. `Origin`, where a
+//! request has one, must be this page. The page loads nothing from elsewhere, and forbids the
 //! browser to do so.
 //!
 //! The cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages,
@@ -17,10 +18,15 @@ mod client;
 mod door;
 mod feed;
 mod hand;
+mod map;
 mod pictures;
+mod renders;
 mod server;
+mod stroke;
 mod wire;
 
 pub use feed::Feed;
+pub use map::Map;
+pub use renders::Rendered;
 pub use server::{CONNECTIONS, Options, PAGES, Page, serve};
 pub use wire::{AHEAD, MESSAGE, PATIENCE};

@@ -1,7 +1,8 @@
 //! The messages of a page's WebSocket. All numbers are little-endian.
 //!
 //! From the server, text:
-//! - `{"layout": ..., "hand": bool}`: the graph, and whether it has a pointer,
+//! - `{"layout": ..., "hand": bool, "map": n}`: the graph, whether it has a pointer, and the number of its
+//!   map, 0 for none,
 //! - `{"hand": "yours" | "theirs" | "free"}`,
 //! - `{"refused": "why"}`: the answer to a request,
 //! - `{"echo": ms}`: the answer to the same.
@@ -35,7 +36,7 @@ const BATCH: usize = 256;
 /// Most new samples of one scope in a view; older ones are left out.
 const SCOPE: usize = 8192;
 /// Greatest distance from the middle of the surface in mm.
-const REACH_MM: f64 = 10_000.0;
+pub(crate) const REACH_MM: f64 = 10_000.0;
 
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
@@ -107,14 +108,15 @@ fn whole(x: f64, most: f64) -> Option<f64> {
     (x.fract() == 0.0 && (0.0..=most).contains(&x)).then_some(x)
 }
 
-/// A layout as a message; `hand` says whether the graph has a pointer.
-pub(crate) fn layout(layout: &Layout, hand: bool) -> String {
+/// A layout as a message; `hand` says whether the graph has a pointer, `map` counts its maps.
+pub(crate) fn layout(layout: &Layout, hand: bool, map: u64) -> String {
     #[derive(Serialize)]
     struct Message<'a> {
         layout: &'a Layout,
         hand: bool,
+        map: u64,
     }
-    serde_json::to_string(&Message { layout, hand }).unwrap_or_default()
+    serde_json::to_string(&Message { layout, hand, map }).unwrap_or_default()
 }
 
 /// A view as a message. `seen` counts the samples of every scope so far, and is updated.

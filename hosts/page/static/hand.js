@@ -40,6 +40,13 @@ export class Hand {
   #box = null;
   #mouse = false;
   #glide = null;
+  /// A stroke that is played again: its rows, the next one, and when it began.
+  #again = null;
+  /// The place at the middle of the surface in mm.
+  #middle = { x: 0, y: 0 };
+
+  /** Takes each sample of a touch: its place, and the number of the touch. */
+  onSample() {}
 
   constructor(link) {
     this.#link = link;
@@ -87,8 +94,39 @@ export class Hand {
   linked(there) {
     if (!there) {
       this.held("free");
+      this.endAgain();
       this.#pointer = null;
     }
+  }
+
+  /** CSS pixels in a millimetre, and the place at the middle of the surface. */
+  get view() {
+    return { scale: BAR_PX / this.#mm, ...this.#middle };
+  }
+
+  /** Puts a place at the middle of the surface. */
+  look(x, y) {
+    this.#middle = { x, y };
+    this.#trail.length = 0;
+    this.#inked = true;
+    this.#ruled = 0;
+  }
+
+  /** Plays rows of a stroke again as this hand: time in s, x, y, pressure. False while the hand is in use. */
+  again(rows, done) {
+    if (this.#pointer !== null || !this.#there) return false;
+    this.#pointer = "again";
+    this.#stroke += 1;
+    this.#again = { rows, next: 0, from: performance.now(), done };
+    return true;
+  }
+
+  /** Ends a stroke that is played again. */
+  endAgain() {
+    if (this.#pointer === "again") this.#lift(performance.now());
+    const done = this.#again?.done;
+    this.#again = null;
+    done?.();
   }
 
   #fields() {
@@ -131,13 +169,15 @@ export class Hand {
     const mm = this.#mm / BAR_PX;
     return {
       at: event.timeStamp,
-      x: (event.clientX - box.left - box.width / 2) * mm,
-      y: (box.top + box.height / 2 - event.clientY) * mm,
+      x: (event.clientX - box.left - box.width / 2) * mm + this.#middle.x,
+      y: (box.top + box.height / 2 - event.clientY) * mm + this.#middle.y,
       pressure: this.#pressure(event),
+      tilt: tilt(event),
     };
   }
 
   #down(event) {
+    this.endAgain();
     if (this.#pointer !== null || !this.#there || event.button !== 0) return;
     this.#surface.setPointerCapture(event.pointerId);
     this.#box = null;
@@ -161,8 +201,8 @@ export class Hand {
   }
 
   #lift(at) {
-    this.#pointer = null;
     if (this.#last) this.#send([{ ...this.#last, at, pressure: 0 }]);
+    this.#pointer = null;
   }
 
   /** Arrow keys stroke too: while one is held, the hand moves at 60 mm/s. */
@@ -173,7 +213,7 @@ export class Hand {
     if (event.repeat || (this.#pointer !== null && this.#pointer !== "keys")) return;
     if (this.#pointer === null) this.#stroke += 1;
     this.#pointer = "keys";
-    this.#glide = { way, key: event.key, at: event.timeStamp, from: this.#last ?? { x: 0, y: 0 } };
+    this.#glide = { way, key: event.key, at: event.timeStamp, from: this.#last ?? this.#middle };
     this.#send([{ at: event.timeStamp, x: this.#glide.from.x, y: this.#glide.from.y, pressure: this.#press }]);
   }
 
@@ -183,7 +223,17 @@ export class Hand {
 
   #beat() {
     const now = performance.now();
-    if (this.#pointer === "keys") {
+    if (this.#pointer === "again") {
+      const { rows, from } = this.#again;
+      const due = [];
+      for (; this.#again.next < rows.length && from + rows[this.#again.next][0] * 1000 <= now; this.#again.next += 1) {
+        const [t, x, y, pressure, ...tilt] = rows[this.#again.next];
+        due.push({ at: from + t * 1000, x, y, pressure, tilt });
+      }
+      // As many as a message may hold.
+      for (let i = 0; i < due.length; i += 100) this.#send(due.slice(i, i + 100));
+      if (this.#again.next === rows.length) this.endAgain();
+    } else if (this.#pointer === "keys") {
       const { way, at, from } = this.#glide;
       const mm = ((now - at) / 1000) * 60;
       const box = this.#surface.getBoundingClientRect();
@@ -193,7 +243,9 @@ export class Hand {
         const turn = (((x + half) % (4 * half)) + 4 * half) % (4 * half);
         return (turn < 2 * half ? turn : 4 * half - turn) - half;
       };
-      const [x, y] = [fold(from.x + way[0] * mm, box.width), fold(from.y + way[1] * mm, box.height)];
+      const middle = this.#middle;
+      const x = middle.x + fold(from.x - middle.x + way[0] * mm, box.width);
+      const y = middle.y + fold(from.y - middle.y + way[1] * mm, box.height);
       this.#send([{ at: now, x, y, pressure: this.#press }]);
     } else if (this.#mine && this.#last && now - this.#said >= BEAT_MS && !document.hidden) {
       // The wheel changes the pressure of a resting mouse.
@@ -211,6 +263,7 @@ export class Hand {
       this.#last = { ...place, at };
       numbers.set([at, place.x, place.y, place.pressure, this.#stroke], 2 + 5 * i);
       this.#keep({ ...this.#last, stroke: this.#stroke });
+      if (this.#pointer !== "again") this.onSample(this.#last, this.#stroke);
     });
     this.#said = now;
     this.#inked = true;
@@ -227,6 +280,7 @@ export class Hand {
   }
 
   #free() {
+    this.endAgain();
     this.#pointer = null;
     this.#mine = false;
     this.#link.tell(new Float64Array([2]));
@@ -243,7 +297,9 @@ export class Hand {
     this.#inked = this.#trail.length > 0;
     const { pen, width, height } = this.#ink.clear();
     const scale = BAR_PX / this.#mm;
-    const [X, Y] = [(place) => width / 2 + place.x * scale, (place) => height / 2 - place.y * scale];
+    const middle = this.#middle;
+    const X = (place) => width / 2 + (place.x - middle.x) * scale;
+    const Y = (place) => height / 2 - (place.y - middle.y) * scale;
     // Round ends of transparent lines would show as dots where they meet.
     pen.lineCap = "butt";
     pen.lineJoin = "round";
@@ -302,8 +358,10 @@ export class Hand {
     if (invite.hidden !== touched) invite.hidden = touched;
     const last = this.#last;
     const mm = (x) => `${x.toFixed(1).replace("-", "−")} mm`;
+    const tilted = last?.tilt?.some((x) => Math.abs(x) >= 0.5)
+      ? `, tilt ${last.tilt.map((x) => x.toFixed(0).replace("-", "−")).join("°, ")}°` : "";
     const text = this.#touches()
-      ? `x ${mm(last.x)}, y ${mm(last.y)}, pressure ${last.pressure.toFixed(2)}`
+      ? `x ${mm(last.x)}, y ${mm(last.y)}, pressure ${last.pressure.toFixed(2)}${tilted}`
       : last ? "lifted" : "";
     write(document.getElementById("where"), text);
   }
@@ -320,14 +378,25 @@ export class Hand {
     pen.lineWidth = 1;
     pen.beginPath();
     const step = (10 * BAR_PX) / this.#mm;
-    for (let x = (width / 2) % step; x < width; x += step) {
+    const first = (from) => ((from % step) + step) % step;
+    for (let x = first(width / 2 - (this.#middle.x * step) / 10); x < width; x += step) {
       pen.moveTo(Math.round(x) + 0.5, 0);
       pen.lineTo(Math.round(x) + 0.5, height);
     }
-    for (let y = (height / 2) % step; y < height; y += step) {
+    for (let y = first(height / 2 + (this.#middle.y * step) / 10); y < height; y += step) {
       pen.moveTo(0, Math.round(y) + 0.5);
       pen.lineTo(width, Math.round(y) + 0.5);
     }
     pen.stroke();
   }
+}
+
+/** Tilt of a pen in degrees: to the right, and away from the person. */
+function tilt({ pointerType, tiltX = 0, tiltY = 0, altitudeAngle, azimuthAngle }) {
+  if (pointerType !== "pen") return [0, 0];
+  if (tiltX || tiltY || !(altitudeAngle < Math.PI / 2)) return [tiltX, -tiltY];
+  // How far the pen leans over for its height.
+  const lean = 1 / Math.tan(Math.max(altitudeAngle, 0.01));
+  const degrees = (x) => (Math.atan(x * lean) * 180) / Math.PI;
+  return [degrees(Math.cos(azimuthAngle)), -degrees(Math.sin(azimuthAngle))];
 }

@@ -56,7 +56,7 @@ export class Link {
 
   #text(data) {
     const message = JSON.parse(data);
-    if (message.layout) this.onLayout(message.layout, message.hand);
+    if (message.layout) this.onLayout(message.layout, message.hand, message.map);
     else if (message.refused) this.onRefused(message.refused);
     else if (message.hand) this.onHand(message.hand);
     else if ("echo" in message) this.there_and_back = performance.now() - message.echo;

@@ -12,6 +12,9 @@ import { Spectrum } from "./spectrum.js";
 import { Timing } from "./timing.js";
 import { Health } from "./health.js";
 import { Controls } from "./controls.js";
+import { SceneMap } from "./map.js";
+import { Strokes } from "./strokes.js";
+import "./awake.js";
 import { tabs } from "./tabs.js";
 import { make, write } from "./draw.js";
 
@@ -45,6 +48,9 @@ const spectrum = new Spectrum(by("spectrum"), by("spectrum-key"), scopes);
 const timing = new Timing(by("timing"), by("times"), by("deadline"));
 const health = new Health(by("tallies"), by("latency"), by("sources"));
 const controls = new Controls(by("controls"), byHand);
+
+const map = new SceneMap(by("map"), hand);
+const strokes = new Strokes(by("strokes"), hand);
 
 let layout = null;
 let view = null;
@@ -111,7 +117,7 @@ function tidy(layout) {
   for (const scope of layout.scopes) scope.unit = written(scope.unit);
 }
 
-link.onLayout = (next, withHand) => {
+link.onLayout = (next, withHand, maps) => {
   tidy(next);
   const same = layout && layout.number === next.number && layout.file === next.file
     && layout.nodes.length === next.nodes.length;
@@ -121,6 +127,8 @@ link.onLayout = (next, withHand) => {
   by("file").title = next.file;
   document.title = name ? `${name} · Asperity` : "Asperity";
   hand.offer(withHand);
+  map.layout(next, maps);
+  strokes.offer(withHand);
   controls.layout(next, same);
   setting.layout(next);
   gallery.layout(next);
@@ -209,6 +217,7 @@ const TEXTS = [
   () => scoped && view.layout === layout.number && graph.show(view),
   () => scoped && timing.show(view.timing, view.ticks),
   () => scoped && health.show(view),
+  () => map.show(view),
 ];
 let texted = 0;
 let turn = 0;
@@ -216,6 +225,7 @@ function frame(now) {
   requestAnimationFrame(frame);
   if (noticeEnds && now > noticeEnds) say("");
   hand.draw();
+  map.draw(view);
   if (!fresh || !layout || !view) return;
   fresh = false;
   if (scoped) {

@@ -173,7 +173,7 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     browser.until("document.querySelector('#notice').textContent.includes('ended')");
     browser.until("document.querySelector('#condition').dataset.is === 'away'");
     browser.complaints();
-    let again = Stage::at(Options { port, token: Some(token) }, None);
+    let again = Stage::at(Options { port, token: Some(token), ..Options::default() }, None);
     browser.until("document.querySelector('#notice').hidden");
     // What was set here is asked of the new run too.
     until("the strength of before", || again.run_control.strength() == 0.4);

@@ -5,7 +5,7 @@ use std::net::TcpStream;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use asperity_live::view::{Request, View};
+use asperity_live::view::{Layout, Pointer, Request, View};
 use asperity_live::{RunControl, SampleReader, samples};
 use asperity_page::{AHEAD, CONNECTIONS, Feed, MESSAGE, Options, PAGES, Page, serve};
 use harness::alone::beside_others;
@@ -18,9 +18,9 @@ use crate::socket::{self, connect, got, numbers};
 
 /// All files and places of the server, and one that it does not have.
 fn files() -> impl Iterator<Item = &'static str> {
-    "/ /page.css /icon.svg /main.js /link.js /hand.js /graph.js /layers.js /scope.js /spectrum.js /timing.js \
-     /health.js /controls.js /draw.js /gallery.js /quilt.js /setting.js /listen.js \
-     /record.js /places /materials /picture/texture/canvas /nothing"
+    "/ /page.css /scene.css /icon.svg /main.js /link.js /hand.js /awake.js /map.js /strokes.js /graph.js \
+     /layers.js /scope.js /spectrum.js /timing.js /health.js /controls.js /draw.js /gallery.js /quilt.js \
+     /setting.js /listen.js /record.js /places /materials /picture/texture/canvas /nothing"
         .split(' ')
 }
 
@@ -422,8 +422,8 @@ fn pages_are_told_that_the_run_has_ended() {
 fn a_port_that_is_taken_and_a_token_that_is_none_are_errors() {
     let _alone = beside_others();
     let stage = stage();
-    let taken = Options { port: stage.address().0, token: None };
-    let odd = Options { port: 0, token: Some("a&b".into()) };
+    let taken = Options { port: stage.address().0, ..Options::default() };
+    let odd = Options { token: Some("a&b".into()), ..Options::default() };
     for (options, kind) in [(taken, ErrorKind::AddrInUse), (odd, ErrorKind::InvalidInput)] {
         let error = serve(options, stage.feed.clone(), RunControl::default(), None).expect_err("an error");
         assert_eq!(error.kind(), kind);
@@ -459,4 +459,55 @@ fn hand_goes_on_with_another_writer_and_new_strokes() {
         assert!(after.time_ns > before.time_ns);
     }
     assert!(first.take().is_none());
+}
+
+/// A stroke of so many rows, with one number in place of another.
+fn stroke(rows: usize, odd: Option<(usize, f64)>) -> Vec<u8> {
+    let mut numbers: Vec<f64> = (0..rows).flat_map(|i| [i as f64 * 1e-3, 1.0, 2.0, 0.5, 0.0, 0.0]).collect();
+    if let Some((at, value)) = odd {
+        numbers[at] = value;
+    }
+    numbers.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+#[test]
+fn bad_strokes_and_a_second_render_are_refused() {
+    let _alone = beside_others();
+    let stage = stage();
+    let (port, token) = stage.address();
+    let post = |path: &str, body: &[u8]| {
+        let mut stream = stage.tcp();
+        let host = format!("Host: 127.0.0.1:{port}\r\nContent-Length: {}", body.len());
+        write!(stream, "POST {path}?token={token} HTTP/1.1\r\n{host}\r\n\r\n").expect("it hears");
+        // It may answer before all is sent.
+        let _ = stream.write_all(body);
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        answer.split(' ').nth(1).and_then(|code| code.parse::<u16>().ok()).expect("a status")
+    };
+    let good = stroke(100, None);
+    assert_eq!(post("/render", &good), 409, "the graph has no pointer");
+    let pointer = Some(Pointer { depth_mm: 6.6, lift_mm: 2.0, max_force_n: 3.3, height_mm: 0.0 });
+    stage.feed.publish_layout(Layout { pointer, ..made_up::layout() });
+    for path in ["/render", "/stroke.csv"] {
+        assert_eq!(post(path, &stroke(100, Some((7, f64::NAN)))), 400);
+        assert_eq!(post(path, &stroke(100, Some((9, 2.0)))), 400);
+        assert_eq!(post(path, &stroke(100, Some((12, 1e9)))), 400);
+        assert_eq!(post(path, &good[1..]), 400);
+        assert_eq!(post(path, b""), 400);
+        assert_eq!(post(path, &stroke(60_001, None)), 413);
+        assert_eq!(post(path, &good), 200);
+    }
+    assert_eq!(post("/render", &good), 409, "one at a time");
+    assert!(stage.page.wants_rendered().is_some_and(|csv| csv.lines().count() == 101));
+    assert_eq!(post("/render", &good), 409, "still one at a time");
+    assert!(stage.page.wants_rendered().is_none());
+    stage.page.rendered(Err("no such thing".into()));
+    assert!(stage.right("/render").contains("no such thing"));
+    assert!(
+        stage
+            .get(&format!("/render.wav?token={token}&number=1"), &format!("Host: 127.0.0.1:{port}\r\n"))
+            .starts_with("HTTP/1.1 404")
+    );
+    assert_eq!(post("/render", &good), 200);
 }

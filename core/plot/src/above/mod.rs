@@ -12,7 +12,8 @@ use asperity_scene::space::Surface;
 use super::axis::{Axis, FRAME, Panel};
 use super::lines::Pen;
 use super::svg::{Svg, fitting, num, text_width};
-use outline::{Bounds, Point, bounds, clipped, meet, outline};
+use outline::{Bounds, Point, clipped, meet};
+pub use outline::{bounds, outline};
 use way::{LANE, Piece, lanes, line, pieces};
 
 /// A scene from above.

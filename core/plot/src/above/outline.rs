@@ -12,7 +12,7 @@ const UPRIGHT: f64 = 1e-6;
 
 /// Corners of a surface's convex outline; none of a plane, which is everywhere. A rectangle has its upper
 /// face, a relief its rectangle at height 0, an upright plane a line that ends outside the world.
-pub(super) fn outline(surface: &Surface) -> Option<Vec<Point>> {
+pub fn outline(surface: &Surface) -> Option<Vec<Point>> {
     let pose = &surface.pose;
     let seen = |at: [f64; 3]| {
         let [x, y, _] = pose.to_world(at);
@@ -50,7 +50,7 @@ pub(super) fn outline(surface: &Surface) -> Option<Vec<Point>> {
 }
 
 /// Least and greatest of the finite points.
-pub(super) fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
+pub fn bounds(points: impl Iterator<Item = Point>) -> Option<Bounds> {
     points.filter(|p| p.iter().all(|v| v.is_finite())).fold(None, |all: Option<Bounds>, p| {
         let [low, high] = all.unwrap_or([p, p]);
         Some([[low[0].min(p[0]), low[1].min(p[1])], [high[0].max(p[0]), high[1].max(p[1])]])

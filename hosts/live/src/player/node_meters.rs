@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode, ScheduledOutput};
-use asperity_node::{Buffer, Fault, Shape};
+use asperity_node::{Buffer, Fault, Role, Shape};
 use parking_lot::Mutex;
 
 use crate::meters::add;
@@ -20,6 +20,9 @@ pub(crate) struct NodeMeters {
     nodes: Vec<Arc<Meter>>,
     /// Faults of all nodes, those of earlier graphs too.
     faults: AtomicU64,
+    /// Output with the place of the stylus over a scene, and that place as the bits of f32.
+    stylus: Option<(usize, usize)>,
+    place: [AtomicU32; 3],
     /// The call in progress, as [`enter`](Self::enter) encodes it; 0 for none.
     inside: AtomicU64,
 }
@@ -55,7 +58,10 @@ impl NodeMeters {
             let values = || node.outputs.iter().map(|_| AtomicU32::new(0)).collect();
             old.cloned().unwrap_or_else(|| Arc::new(Meter { values: values(), ..Meter::default() }))
         };
+        let position = |node: &ScheduledNode| node.inputs.iter().find(|i| i.name == "position")?.from;
         Self {
+            stylus: schedule.with_role(Role::Contact).find_map(|(_, node)| position(node)),
+            place: Default::default(),
             nodes: schedule.nodes.iter().map(meter).collect(),
             faults: AtomicU64::new(before.map_or(0, |(_, meters)| meters.faults())),
             inside: AtomicU64::new(0),
@@ -84,9 +90,19 @@ impl NodeMeters {
         self.faults.load(Relaxed)
     }
 
+    /// Place of the stylus over a scene.
+    pub(crate) fn stylus_mm(&self) -> Option<[f32; 3]> {
+        self.stylus.map(|_| [0, 1, 2].map(|k| f32::from_bits(self.place[k].load(Relaxed))))
+    }
+
     /// Takes down a tick. Tick thread.
     pub(crate) fn take(&self, engine: &Engine, spent_ns: &[u64]) {
         self.faults.store(engine.faults(), Relaxed);
+        if let Some((node, output)) = self.stylus
+            && let Some(Buffer::Control { values, .. }) = engine.output(node, output)
+        {
+            self.place.iter().zip(values).for_each(|(to, x)| to.store((*x as f32).to_bits(), Relaxed));
+        }
         for (i, (meter, spent)) in self.nodes.iter().zip(spent_ns).enumerate() {
             let Some(report) = engine.report(i) else { continue };
             if report.calls != meter.calls.load(Relaxed) {

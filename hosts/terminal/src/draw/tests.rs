@@ -254,6 +254,7 @@ fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
         most: x,
         reach: Some([x, -x]),
         unit: text(),
+        doc: text(),
         words,
         whole: false,
     };

@@ -5,7 +5,8 @@
 //! files change again, the graph that is being prepared is abandoned, unless a device was closed for it.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TryRecvError};
 use std::sync::{Arc, Mutex};
@@ -13,16 +14,19 @@ use std::sync::{Arc, Mutex};
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_live::GraphController;
-use asperity_node::{ParamKind, Registry};
+use asperity_node::{ParamKind, Registry, Role};
+use asperity_page::Map;
 
 use super::Args;
 use super::hands::{Hands, close_elsewhere};
 use super::recordings::Recordings;
-use super::reloader::{self, Answer, Made, Order, Ready, on_thread};
+use super::reloader::{self, Answer, Base, Made, Order, Ready, on_thread};
+use crate::commands::render::recorder;
 use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::{Stamps, Watched, listed, readers, stamps};
 use crate::machine::Ceiling;
+use crate::output::ending;
 
 /// Prepares a new graph when something changes, and sends it to the engine.
 pub struct Editor {
@@ -31,7 +35,9 @@ pub struct Editor {
     plugins: Vec<PathBuf>,
     ceiling: Option<Ceiling>,
     /// The file of the graph that runs.
-    base: Option<GraphFile>,
+    base: Option<Base>,
+    /// Versions of all files that this was made of.
+    made_of: Stamps,
     /// With `--watch`.
     files: Option<Watched>,
     /// Materials that the user chose: node and material. They stay when files change.
@@ -106,6 +112,7 @@ impl Editor {
             plugins: Vec::new(),
             ceiling: None,
             base: None,
+            made_of: Stamps::new(),
             files: None,
             chosen: BTreeMap::new(),
             moved: BTreeMap::new(),
@@ -124,12 +131,48 @@ impl Editor {
         &self.plugins
     }
 
+    /// The scene from above, if a scene plays.
+    pub fn map(&self) -> Option<&Arc<Map>> {
+        self.base.as_ref()?.map.as_ref()
+    }
+
+    /// Arguments with which `asperity render` renders the running graph: its sinks write to a folder.
+    pub fn render_args(&self, schedule: &Schedule, folder: &Path) -> Result<Vec<OsString>, String> {
+        if self.stamps(schedule) != self.made_of {
+            return Err("A file of the graph has changed since it was read, so that a render would be of \
+                        another graph. Start the run again, or with --watch."
+                .into());
+        }
+        let args = &self.args.graph;
+        let mut out = vec![args.graph.clone().into()];
+        out.extend(self.plugins.iter().flat_map(|file| ["--plugin".into(), file.into()]));
+        // A stroke takes the place of the hand and its parameters.
+        let hand = |set: &&String| {
+            let node = set.split('=').next().and_then(|set| set.rsplit_once('.')).map(|(node, _)| node);
+            schedule.with_role(Role::Hand).any(|(_, hand)| node == Some(hand.id.as_str()))
+        };
+        let moved = self.moved.values().map(|moved| &moved.setting);
+        let mut sets: Vec<String> = args.set.iter().chain(moved).filter(|set| !hand(set)).cloned().collect();
+        sets.extend(self.chosen.iter().map(|(node, material)| format!("{node}.material={material:?}")));
+        for (i, (path, id)) in recorder::files(schedule).enumerate() {
+            let file = folder.join(format!("sink{i}.{}", ending(&path)));
+            sets.push(format!("{id}.file={}", file.display()));
+        }
+        out.extend(sets.into_iter().flat_map(|set| ["--set".into(), set.into()]));
+        let flags =
+            [("--no-prune", args.no_prune), ("--strict", args.strict), ("--no-sleep", self.args.no_sleep)];
+        out.extend(flags.iter().filter(|(_, is)| *is).map(|(flag, _)| flag.into()));
+        Ok(out)
+    }
+
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut kinds = reloader::lock(&self.kinds);
         let made = reloader::make(&self.args.graph, &mut kinds, None, &[], &BTreeMap::new())?;
         kinds.plays();
         self.plugins = kinds.files().to_vec();
+        drop(kinds);
         self.base = Some(made.base.clone());
+        self.made_of = self.stamps(&made.compiled.schedule);
         Ok(made)
     }
 
@@ -217,7 +260,7 @@ impl Editor {
     pub fn end(self) -> Option<(GraphFile, Registry)> {
         self.job.map(Job::abandon);
         let moved: Vec<String> = self.moved.into_values().map(|m| m.setting).collect();
-        let graph = reloader::changed(&self.base?, &moved, &self.chosen);
+        let graph = reloader::changed(&self.base?.graph, &moved, &self.chosen);
         let registry = reloader::lock(&self.kinds).registry(Some(&graph)).ok()?;
         Some((graph, registry))
     }
@@ -346,6 +389,7 @@ impl Editor {
             Edit::File(edit) => {
                 self.moved.retain(|_, m| m.at > since);
                 self.know(playing.graph_controller.schedule(), &edit.seen);
+                self.made_of = self.stamps(playing.graph_controller.schedule());
                 let report =
                     if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
                 Some(format!("{} changed: {report}", listed(&edit.changed)))

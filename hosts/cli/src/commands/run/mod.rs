@@ -4,9 +4,11 @@ mod editor;
 mod hands;
 mod recordings;
 mod reloader;
+mod renders;
 mod report;
 mod shows;
 
+use std::net::IpAddr;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -28,6 +30,7 @@ use editor::{Editor, Playing};
 use hands::Hands;
 use recordings::Recordings;
 use reloader::Made;
+use renders::Renders;
 use shows::{Shows, Speaker};
 
 /// Play a graph in real time: a hand moves the stylus, the sound card drives the actuator
@@ -49,6 +52,9 @@ pub struct Args {
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0",
         value_parser = number::whole(0, u16::MAX, ""))]
     pub page: Option<u16>,
+    /// Serve the page at this address of the machine, so that a phone or tablet is the hand; 0.0.0.0 for all
+    #[arg(long, value_name = "ADDRESS", requires = "page")]
+    pub bind: Option<IpAddr>,
     /// Show the run in the terminal
     #[arg(long)]
     pub tui: bool,
@@ -123,7 +129,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let session =
         Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 
-    let mut stage = Stage { session, editor, hands, recordings, failed: Default::default() };
+    let mut stage =
+        Stage { session, editor, hands, recordings, renders: Renders::default(), failed: Default::default() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
     let played = editor.end();
@@ -175,6 +182,7 @@ struct Stage {
     editor: Editor,
     hands: Hands,
     recordings: Recordings,
+    renders: Renders,
     /// Nodes whose call does not end, and nodes that were taken out for it.
     failed: [Vec<String>; 2],
 }
@@ -199,13 +207,16 @@ impl Stage {
             if self.session.run_control().stopping() {
                 return Ok(());
             }
-            let Self { session, editor, hands, recordings, .. } = self;
+            let Self { session, editor, hands, recordings, renders, .. } = self;
             let graph_controller = session.graph_controller();
             if let Some(said) = editor.poll(&mut Playing { graph_controller, hands, recordings }) {
                 shows.say(&said);
             }
             for warning in hands.warnings(&graph_controller.schedule().clone(), graph_controller.layout()) {
                 shows.say(&format!("warning: {warning}"));
+            }
+            if let Some(page) = shows.page() {
+                renders.poll(page, |folder| editor.render_args(graph_controller.schedule(), folder));
             }
             recordings.drain(graph_controller);
             recordings.complaints().iter().for_each(|said| shows.say(said));
@@ -228,7 +239,7 @@ impl Stage {
             let done = ticks.is_some_and(|ticks| view.ticks >= ticks || (hangs && late(ticks)));
             let (condition, losses) = (view.condition, view.losses);
             let graph_controller = session.graph_controller();
-            shows.show(view, graph_controller.layout(), graph_controller.schedule(), hands);
+            shows.show(view, graph_controller.layout(), graph_controller.schedule(), hands, editor.map());
             if !session.goes_on() {
                 return Err(Failure::Machine(match condition {
                     Condition::Failed => "the engine panicked, and the output was ramped down".into(),

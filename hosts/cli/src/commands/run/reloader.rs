@@ -12,6 +12,7 @@ use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_live::needs_queues;
 use asperity_live::view::{Material, Materials};
 use asperity_node::Role;
+use asperity_page::Map;
 use asperity_texture::{Library, LibraryMaterial};
 
 use super::hands::{self, Held, Holding, Opened};
@@ -20,12 +21,19 @@ use crate::commands::render::recorder::Recorder;
 use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::distinct_files;
-use crate::load::{self, GraphArgs, Loaded};
+use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::output::named;
 
+/// A graph or scene as its file and the command line have it.
+#[derive(Clone)]
+pub struct Base {
+    pub graph: GraphFile,
+    /// The scene from above, where it was one.
+    pub map: Option<Arc<Map>>,
+}
+
 pub struct Made {
-    /// The file, with the changes of the command line.
-    pub base: GraphFile,
+    pub base: Base,
     /// The same, with the changes of the user.
     pub graph: GraphFile,
     pub compiled: Compiled,
@@ -37,7 +45,7 @@ pub struct Order {
     pub args: GraphArgs,
     pub kinds: Arc<Mutex<Kinds>>,
     /// The graph to start from; `None` to read its file.
-    pub base: Option<GraphFile>,
+    pub base: Option<Base>,
     /// Live parameters that the user moved: `NODE.PARAM=VALUE`.
     pub moved: Vec<String>,
     /// Materials that the user chose: node and material.
@@ -67,16 +75,28 @@ pub struct Ready {
 pub fn make(
     args: &GraphArgs,
     kinds: &mut Kinds,
-    base: Option<GraphFile>,
+    base: Option<Base>,
     moved: &[String],
     chosen: &BTreeMap<String, String>,
 ) -> Result<Made, Failure> {
-    let base = match base {
-        Some(base) => base,
-        None => load::read(args, kinds)?.0,
+    let (mut base, scene) = match base {
+        Some(base) => (base, None),
+        None => {
+            let (graph, scene) = load::read(args, kinds)?;
+            (Base { graph, map: None }, scene)
+        }
     };
-    let graph = changed(&base, moved, chosen);
+    let graph = changed(&base.graph, moved, chosen);
     let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
+    if let Some(OfScene { scene, mut rendered, .. }) = scene {
+        // Gates are called in every tick. That a node behind one is called tells that its effect acts.
+        let acts = |id: &String| {
+            let node = compiled.schedule.index_of(id).map(|i| &compiled.schedule.nodes[i]);
+            node.is_some_and(|node| node.gate.is_none())
+        };
+        rendered.iter_mut().for_each(|of| of.nodes.retain(acts));
+        base.map = Some(Arc::new(Map::new(&scene, &rendered)));
+    }
     let materials = materials(&compiled.schedule);
     Ok(Made { base, graph, compiled, materials })
 }

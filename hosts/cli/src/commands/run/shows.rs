@@ -1,5 +1,6 @@
 //! Shows a run: on the live page, in the terminal, or as lines of text.
 
+use std::io::IsTerminal as _;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -8,8 +9,10 @@ use std::time::{Duration, Instant};
 use asperity_graph::Schedule;
 use asperity_live::RunControl;
 use asperity_live::view::{Layout, View};
-use asperity_page::{Feed, Page, serve};
+use asperity_page::{Feed, Map, Page, serve};
 use asperity_terminal::Terminal;
+use qrcode::QrCode;
+use qrcode::render::unicode::Dense1x2;
 
 use super::Args;
 use super::hands::{Hands, pointers};
@@ -19,6 +22,7 @@ pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
     terminal: Option<Terminal>,
     layout: Option<Layout>,
+    map: Option<Arc<Map>>,
     speaker: Speaker,
     begun: bool,
 }
@@ -28,12 +32,13 @@ impl Shows {
     pub fn open(args: &Args, run_control: &RunControl, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);
-        let mut it = Self { page: None, terminal: None, layout: None, speaker, begun: false };
+        let mut it = Self { page: None, terminal: None, layout: None, map: None, speaker, begun: false };
         if let Some(port) = args.page {
             let feed = Arc::new(Feed::new());
-            let options = asperity_page::Options { port, ..asperity_page::Options::default() };
+            let options = asperity_page::Options { port, bind: args.bind, token: None };
+            let at = args.bind.map(|at| format!("{at}, ")).unwrap_or_default();
             let page = serve(options, feed.clone(), run_control.clone(), pointer)
-                .map_err(|e| Failure::Machine(format!("cannot serve the page at port {port}: {e}")))?;
+                .map_err(|e| Failure::Machine(format!("cannot serve the page at {at}port {port}: {e}")))?;
             it.page = Some((page, feed));
         }
         if args.tui {
@@ -41,10 +46,22 @@ impl Shows {
             let cannot = |e| Failure::Machine(format!("cannot draw in the terminal: {e}"));
             it.terminal = Some(terminal.map_err(cannot)?);
         }
-        if let Some(url) = it.page.as_ref().map(|(page, _)| page.url().to_string()) {
-            it.say(&format!("the page: {url}"));
+        let urls = it.page.as_ref().map(|(page, _)| page.urls().to_vec()).unwrap_or_default();
+        urls.iter().for_each(|url| it.say(&format!("the page: {url}")));
+        if let Some(url) = urls.first().filter(|_| args.bind.is_some_and(|at| !at.is_loopback())) {
+            if !args.tui {
+                it.say(&qr(url, std::io::stderr().is_terminal()));
+            }
+            it.say(
+                "warning: the connection to the page is not encrypted, and whoever has its token can move \
+                 the actuator",
+            );
         }
         Ok(it)
+    }
+
+    pub fn page(&self) -> Option<&Page> {
+        self.page.as_ref().map(|(page, _)| page)
     }
 
     pub fn say(&mut self, text: &str) {
@@ -54,7 +71,14 @@ impl Shows {
         }
     }
 
-    pub fn show(&mut self, view: View, layout: &Layout, schedule: &Schedule, hands: &mut Hands) {
+    pub fn show(
+        &mut self,
+        view: View,
+        layout: &Layout,
+        schedule: &Schedule,
+        hands: &mut Hands,
+        map: Option<&Arc<Map>>,
+    ) {
         if let Some(pointer) = hands.take_pointer() {
             match &self.page {
                 Some((page, _)) => page.set_pointer(Some(pointer)),
@@ -62,6 +86,13 @@ impl Shows {
                     self.say("warning: there is a pointer now, and no page to move it on: start with --page")
                 }
             }
+        }
+        if self.map.as_ref().map(Arc::as_ptr) != map.map(Arc::as_ptr) {
+            self.map = map.cloned();
+            if let Some((page, _)) = &self.page {
+                page.set_scene(map.cloned());
+            }
+            self.layout = None;
         }
         if self.layout.as_ref() != Some(layout) {
             if let Some((page, feed)) = &self.page {
@@ -95,6 +126,15 @@ impl Shows {
     pub fn close(self) {
         self.speaker.close();
     }
+}
+
+/// A QR code of half blocks. On a terminal it is black on white, whatever the terminal's own colours are.
+fn qr(text: &str, coloured: bool) -> String {
+    // An address is far shorter than the longest text of a QR code.
+    let Ok(code) = QrCode::new(text) else { return String::new() };
+    let (on, off) = if coloured { ("\x1b[38;5;16;48;5;231m", "\x1b[0m") } else { ("", "") };
+    let picture = code.render::<Dense1x2>().build();
+    picture.lines().map(|line| format!("{on}{line}{off}")).collect::<Vec<_>>().join("\n")
 }
 
 fn begins(view: &View, layout: &Layout) -> String {
