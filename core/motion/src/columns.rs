@@ -108,11 +108,12 @@ impl Column {
         if map.chars().all(plain) { format!("--map {map}") } else { format!("--map \"{map}\"") }
     }
 
-    /// How well a file's column of this name fits, by its first letters. 0 is not at all.
+    /// How well a file's column of this name fits, by its letters. 0 is not at all.
     pub(crate) fn likeness(&self, column: &str) -> usize {
         let own = self.name.split('_').next().unwrap_or_default();
-        let alike = own.chars().zip(column.chars().flat_map(char::to_lowercase)).take_while(|(a, b)| a == b);
-        alike.count()
+        let column = column.to_lowercase();
+        let alike = own.chars().zip(column.chars()).take_while(|(a, b)| a == b).count();
+        if alike > 0 { 1 + alike } else { usize::from(column.contains(own)) }
     }
 }
 
