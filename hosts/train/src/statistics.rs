@@ -19,7 +19,9 @@ use crate::files::write_whole;
 use crate::training::{settings_now, settings_of};
 
 /// Pictures of a piece of a made surface.
-const IMAGES: usize = 2;
+const IMAGES: usize = 3;
+/// Pieces to fit to, at most.
+const PIECES: usize = 4;
 /// Part of the pictures held out for calibration that may be told as unlike.
 const FALSE_ALARMS: f64 = 0.01;
 /// Axes of a layer, at most.
@@ -77,7 +79,7 @@ pub(crate) fn find(asked: &FindStatistics) -> Result<(), Failure> {
     let surfaces = made::surfaces(settings.every as usize);
     let mut materials = Vec::new();
     if settings.data == Origin::Made {
-        for (surfaces, fitted) in surfaces.iter().zip([train, 0]) {
+        for (surfaces, fitted) in surfaces.iter().zip([train.min(PIECES), 0]) {
             let of = |surface: &MadeSurface| {
                 let middle = train + held / 2;
                 let parts = [0..fitted, train..middle, middle..train + held];
