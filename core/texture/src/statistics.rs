@@ -1,13 +1,14 @@
 //! Tells whether a picture is unlike those that an encoder was trained on.
 //!
 //! The picture itself and some layers of the encoder have features. Those of a layer are the mean and the
-//! standard deviation of each channel over the picture. Those of the picture are the mean of its brightness and
-//! of two colour differences, and the logarithms of their deviations in each octave. Each feature is divided by
-//! its deviation over the training pictures. A picture's distance is Mahalanobis's from the nearest centre (Lee
-//! et al. 2018, "A simple unified framework for detecting out-of-distribution samples and adversarial attacks").
-//! Centres are the materials' means or the mean of all. All have one covariance, that of probabilistic principal
-//! components: some axes, and one variance for all other directions (Tipping and Bishop 1999). A picture is
-//! unlike the training pictures if any distance is above its limit.
+//! standard deviation of each channel over the picture. Those of the picture are the mean of its
+//! brightness and of two colour differences, and the logarithms of their deviations in each octave. Each
+//! feature is divided by its deviation over the training pictures. A picture's distance is Mahalanobis's
+//! from the nearest centre (Lee et al. 2018, "A simple unified framework for detecting out-of-
+//! distribution samples and adversarial attacks"). Centres are the materials' means or the mean of all.
+//! All have one covariance, that of probabilistic principal components: some axes, and one variance for
+//! all other directions (Tipping and Bishop 1999). A picture is unlike the training pictures if any
+//! distance is above its limit.
 //!
 //! `asperity-train statistics` fits and calibrates them. Those of `encoder.onnx` are the file
 //! `encoder.statistics.ron` beside it:
