@@ -433,7 +433,8 @@ fn encoder_without_statistics_says_that_it_cannot_tell() {
     // Those of another encoder are refused, and a damaged file.
     let other = harness::shipped("models/surfaces/encoder.statistics.ron");
     dir.write("models/e.statistics.ron", &other);
-    encode(&dir, "pictures/felt.png").refused("e.statistics.ron:4:14: error: these are statistics of another");
+    encode(&dir, "pictures/felt.png")
+        .refused("e.statistics.ron:4:14: error: these are statistics of another");
     dir.write("models/e.statistics.ron", &other[..other.len() / 2]);
     encode(&dir, "pictures/felt.png").refused("e.statistics.ron:");
 }

@@ -250,8 +250,11 @@ fn report(
     near: &[Neighbour<'_>],
     (name, gets, added): (&str, &str, bool),
 ) -> Value {
-    let neighbour = |n: &Neighbour<'_>| json!({ "name": n.material.name, "family": n.material.family, "distance": n.distance });
-    let strangeness = |s: &Strangeness| json!({ "layer": s.layer, "distance": s.distance, "limit": s.limit, "unlike": s.is_unlike() });
+    let neighbour = |Neighbour { material: m, distance }: &Neighbour<'_>| json!({ "name": m.name, "family": m.family, "distance": distance });
+    let strangeness = |s: &Strangeness| {
+        let unlike = s.is_unlike();
+        json!({ "layer": s.layer, "distance": s.distance, "limit": s.limit, "unlike": unlike })
+    };
     let image = |s: &Seen<'_>| {
         json!({
             "path": s.path.display().to_string(),
