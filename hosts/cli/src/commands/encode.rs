@@ -250,10 +250,13 @@ fn report(
     near: &[Neighbour<'_>],
     (name, gets, added): (&str, &str, bool),
 ) -> Value {
-    let neighbour = |Neighbour { material: m, distance }: &Neighbour<'_>| json!({ "name": m.name, "family": m.family, "distance": distance });
+    let neighbour = |n: &Neighbour<'_>| {
+        let (name, family) = (&n.material.name, &n.material.family);
+        json!({ "name": name, "family": family, "distance": n.distance })
+    };
     let strangeness = |s: &Strangeness| {
-        let unlike = s.is_unlike();
-        json!({ "layer": s.layer, "distance": s.distance, "limit": s.limit, "unlike": unlike })
+        let (layer, unlike) = (&s.layer, s.is_unlike());
+        json!({ "layer": layer, "distance": s.distance, "limit": s.limit, "unlike": unlike })
     };
     let image = |s: &Seen<'_>| {
         json!({
