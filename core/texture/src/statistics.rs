@@ -92,7 +92,7 @@ pub struct Strangeness {
 impl Strangeness {
     /// Whether the picture is unlike the training pictures.
     pub fn is_unlike(&self) -> bool {
-        !(self.distance <= self.limit)
+        self.distance.is_nan() || self.distance > self.limit
     }
 }
 
