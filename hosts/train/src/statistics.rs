@@ -178,9 +178,9 @@ fn strangeness(layers: &[Layer], look: &Look) -> f64 {
 
 /// Layers fitted to the first parts of materials, with limits calibrated on the second parts.
 fn fit(names: &[String], materials: &[&Material]) -> Vec<Layer> {
+    let fitted: Vec<&[Look]> = materials.iter().map(|m| &m.parts[0][..]).filter(|p| !p.is_empty()).collect();
     let features = |number: usize| -> Vec<Vec<&[f64]>> {
-        let of = |m: &&Material| m.parts[0].iter().map(|look| look.features[number].as_slice()).collect();
-        materials.iter().map(of).filter(|of: &Vec<&[f64]>| !of.is_empty()).collect()
+        fitted.iter().map(|looks| looks.iter().map(|look| &look.features[number][..]).collect()).collect()
     };
     // A centre for each material tells more of the picture itself. In the encoder one centre for all told as
     // much as many.
