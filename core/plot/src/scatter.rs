@@ -91,17 +91,6 @@ impl Scatter {
         }
         self.draw_arrow(&mut svg, top);
         let mut taken: Vec<Around> = Vec::new();
-        if let Some(floor) = self.floor {
-            // A bar as high as the noise floor.
-            let height = (y.at(0.0) - y.at(floor)).abs().max(1.0);
-            let [x, middle] = [LEFT + 23.0, BOTTOM - 14.0 - 0.5 * height];
-            let [left, foot, head, base] =
-                [x - 9.0, x - 13.0, BOTTOM - 14.0 - height, BOTTOM - 14.0].map(num);
-            let bar = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
-            svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
-            svg.text([x, middle + 4.0], "start", "wire", "less is within noise");
-            taken.push(Around { left: LEFT, right: x + 120.0, top: middle - 8.0, bottom: middle + 8.0 });
-        }
         if let Some((height, name)) = &self.reference {
             let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
             let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
@@ -109,6 +98,32 @@ impl Scatter {
             svg.text([RIGHT - 4.0, y.at(*height) - 5.0], "end", "wire", name);
             let (left, line) = (RIGHT - 4.0 - text_width(name, LETTERS), y.at(*height));
             taken.push(Around { left, right: RIGHT, top: line - 16.0, bottom: line });
+        }
+        if let Some(floor) = self.floor {
+            // A bar as high as the noise floor, in the corner with the fewest dots.
+            let height = (y.at(0.0) - y.at(floor)).abs().max(1.0);
+            let room = |left: f64, bottom: f64| Around {
+                left,
+                right: left + 150.0,
+                top: bottom - height.max(14.0),
+                bottom,
+            };
+            let [low, high, right] = [BOTTOM - 10.0, top + 6.0 + height.max(14.0), RIGHT - 154.0];
+            let corners = [(LEFT + 8.0, low), (right, low), (LEFT + 8.0, high), (right, high)];
+            let dots = |corner: &Around| {
+                let texts = taken.iter().filter(|other| corner.covers(other)).count();
+                self.dots.iter().filter(|dot| corner.has(at(dot))).count() + 100 * texts
+            };
+            let corner = corners.map(|(left, bottom)| room(left, bottom)).into_iter().min_by_key(dots);
+            if let Some(around @ Around { left, top, bottom, .. }) = corner {
+                let (middle, x) = (0.5 * (top + bottom), left + 16.0);
+                let [post, foot, head, base] =
+                    [left + 6.0, left + 2.0, middle - 0.5 * height, middle + 0.5 * height].map(num);
+                let bar = format!("M{post} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
+                svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
+                svg.text([x, middle + 4.0], "start", "wire", "less is within noise");
+                taken.push(around);
+            }
         }
         let dots: Vec<[f64; 2]> = self.dots.iter().map(at).collect();
         for (dot, at) in self.dots.iter().zip(&dots).filter(|(dot, _)| !dot.label.is_empty()) {

@@ -137,14 +137,12 @@ pub fn above(limit: f64) -> f64 {
 }
 
 fn two_digits(x: f64, rounded: fn(f64) -> f64) -> f64 {
-    if !(x > 0.0 && x.is_finite()) {
-        return 0.0;
-    }
-    let digits = 1 - x.log10().floor() as i32;
-    // The text of a number in decimal is read back as it is.
-    format!("{:.*}", digits.max(0) as usize, rounded(x * 10f64.powi(digits)) / 10f64.powi(digits))
-        .parse()
-        .unwrap_or(0.0)
+    // In decimal, so that the number is written as short as it is read.
+    let text = format!("{x:e}");
+    let parts =
+        text.split_once('e').and_then(|(m, e)| Some((m.parse::<f64>().ok()?, e.parse::<i32>().ok()?)));
+    let Some((mantissa, exponent)) = parts.filter(|_| x > 0.0) else { return 0.0 };
+    format!("{}e{}", rounded(10.0 * mantissa), exponent - 1).parse().unwrap_or(0.0)
 }
 
 /// Stiffness \[N/mm\] below which a law with damping `damping_ns_per_m` is passive on a device with

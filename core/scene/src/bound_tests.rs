@@ -69,6 +69,21 @@ fn what_is_not_a_number_is_not_passive() {
     assert!(!Passivity::of(wall(0.1, 0.0), at(500.0, 0.0), f64::NAN).holds());
 }
 
+#[test]
+fn advice_has_two_digits_and_lies_on_the_safe_side() {
+    for (limit, low, high) in [
+        (2.0 / 3300.0, 0.0006, 0.00061),
+        (0.2, 0.19, 0.21),
+        (1.0, 0.99, 1.1),
+        (13.249, 13.0, 14.0),
+        (987.6, 980.0, 990.0),
+        (0.0, 0.0, 0.0),
+        (f64::NAN, 0.0, 0.0),
+    ] {
+        assert_eq!((below(limit), above(limit)), (low, high), "{limit}");
+    }
+}
+
 /// Computes Colgate and Schenkel's condition at one frequency, straight from its complex form.
 fn condition(law: Law, s: Sampling, turn: f64) -> f64 {
     use asperity_dsp::filter::Complex64;

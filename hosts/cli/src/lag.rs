@@ -1,7 +1,7 @@
 //! How late a graph answers the hand: the same line and the same numbers in every command.
 
 use std::fmt;
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
 use asperity_graph::{GraphFile, Schedule};
@@ -56,9 +56,14 @@ impl Lag {
             let chain = Chain::stepped(&graph, &registry);
             let _ = to.send(chain.map_err(|e| e.message).and_then(|mut chain| measure(&mut chain)));
         });
-        let told = thread.ok().and_then(|_| from.recv_timeout(PATIENCE).ok());
-        let late = || Err(format!("it takes more than {} s; see `asperity latency`", PATIENCE.as_secs()));
-        Self::new(told.unwrap_or_else(late), schedule)
+        let told = match thread.map(|_| from.recv_timeout(PATIENCE)) {
+            Ok(Ok(told)) => told,
+            Ok(Err(RecvTimeoutError::Timeout)) => {
+                Err(format!("it takes more than {} s; see `asperity latency`", PATIENCE.as_secs()))
+            }
+            _ => Err("the measurement failed".to_owned()),
+        };
+        Self::new(told, schedule)
     }
 
     /// A response lag that was measured, or why not, and what the graph declares.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, SlowestPath, Step};
+use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, Step};
 use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
@@ -61,9 +61,10 @@ fn text_of(schedule: &Schedule, lag: &Lag) -> String {
     let counts = outputs.map(|(kind, n)| format!("{n} {kind}"));
     let _ = writeln!(out, "\nbuffers   {}; {constants} constant inputs", counts.join(", "));
     let _ = writeln!(out, "\nlatency   {lag}");
-    for (to, path) in slowest_paths(schedule) {
+    for path in schedule.slowest_paths() {
         let through: Vec<&str> = path.through.iter().map(|&i| schedule.nodes[i].id.as_str()).collect();
-        let _ = writeln!(out, "      {}: {:.4} ms declared", schedule.nodes[to].id, path.latency.ms());
+        let to = through.last().copied().unwrap_or_default();
+        let _ = writeln!(out, "      {to}: {:.4} ms declared", path.latency.ms());
         let _ = writeln!(out, "        {}", through.join(" -> "));
     }
     let _ = writeln!(out, "\ndropped");
@@ -78,12 +79,6 @@ fn text_of(schedule: &Schedule, lag: &Lag) -> String {
         ids => writeln!(out, "\nallocates while it runs, so not fit for real time: {}", ids.join(", ")),
     };
     out
-}
-
-/// Every sink, and the slowest path to it.
-fn slowest_paths(schedule: &Schedule) -> impl Iterator<Item = (usize, SlowestPath)> {
-    let sinks = (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].sink);
-    sinks.map(|to| (to, schedule.slowest_path(to)))
 }
 
 fn is_zero(fact: &Fact) -> bool {
@@ -168,9 +163,10 @@ fn as_json(schedule: &Schedule, lag: &Lag) -> Value {
         Step::Absorb(i) => ("absorb", id(i)),
     });
     let (constants, counts) = buffer_counts(schedule);
-    let paths = slowest_paths(schedule).map(
-        |(to, path)| json!({ "to": id(to), "declared_ms": path.latency.ms(), "through": ids(&path.through) }),
-    );
+    let paths = schedule.slowest_paths().into_iter().map(|path| {
+        let to = path.through.last().map(|&to| id(to));
+        json!({ "to": to, "declared_ms": path.latency.ms(), "through": ids(&path.through) })
+    });
     json!({
         "tick_hz": schedule.tick_hz,
         "audio_hz": schedule.audio_hz,
