@@ -15,6 +15,7 @@ mod fed;
 mod fit_ar;
 mod hostile;
 mod invert;
+mod passivity;
 mod phase_scores;
 mod phase_survival;
 mod plugin_check;

@@ -310,6 +310,11 @@ impl Settings {
         &self.form
     }
 
+    /// Sets a field with a number to another one.
+    pub fn set_number(&mut self, field: &str, value: f64) {
+        self.params.set_number(field, value);
+    }
+
     /// A field with a structure of its own.
     pub fn nested(&self, name: &str) -> Option<&Value> {
         self.nested.iter().find(|(n, _)| n == name).map(|(_, value)| value)

@@ -117,14 +117,32 @@ impl fmt::Display for Passivity {
         }
         write!(
             f,
-            " take more than {:.3} N s/m; the device has {:.3}: {} by {:.3}; the limit is {:.3} N/mm",
+            " take more than {:.3} N s/m; the device has {:.3}: {} by {:.3}",
             self.needed_ns_per_m,
             self.device_ns_per_m,
             if self.holds() { "passive" } else { "not passive" },
             self.margin_ns_per_m.abs(),
-            self.stiffest_n_per_mm,
         )
     }
+}
+
+/// The largest number of two digits that is below `limit`, a positive number.
+pub fn below(limit: f64) -> f64 {
+    two_digits(limit * (1.0 - 1e-9), f64::floor)
+}
+
+/// The least number of two digits that is above `limit`, a positive number.
+pub fn above(limit: f64) -> f64 {
+    two_digits(limit * (1.0 + 1e-9), f64::ceil)
+}
+
+fn two_digits(x: f64, rounded: fn(f64) -> f64) -> f64 {
+    // In decimal, so that the number is written as short as it is read.
+    let text = format!("{x:e}");
+    let parts =
+        text.split_once('e').and_then(|(m, e)| Some((m.parse::<f64>().ok()?, e.parse::<i32>().ok()?)));
+    let Some((mantissa, exponent)) = parts.filter(|_| x > 0.0) else { return 0.0 };
+    format!("{}e{}", rounded(10.0 * mantissa), exponent - 1).parse().unwrap_or(0.0)
 }
 
 /// Stiffness \[N/mm\] below which a law with damping `damping_ns_per_m` is passive on a device with

@@ -46,7 +46,7 @@ fn the_text_has_the_figures_with_their_units() {
     assert_eq!(
         text,
         "1.000 N/mm and 0.250 N s/m at 500 Hz, 1.00 ms late, take more than 2.250 N s/m; the device has \
-         0.800: not passive by 1.450; the limit is 0.275 N/mm"
+         0.800: not passive by 1.450"
     );
     let text = Quantisation::of(wall(0.5, 0.0), at(500.0, 0.0), 0.055, 0.1).to_string();
     assert!(text.contains("0.500 N/mm in steps") && text.contains("100.0: passive"), "{text}");
@@ -67,6 +67,21 @@ fn what_is_not_a_number_is_not_passive() {
     let never = Passivity::of(wall(0.1, 0.0), at(0.0, 0.0), 1.0);
     assert!(!never.holds() && never.stiffest_n_per_mm == 0.0);
     assert!(!Passivity::of(wall(0.1, 0.0), at(500.0, 0.0), f64::NAN).holds());
+}
+
+#[test]
+fn advice_has_two_digits_and_lies_on_the_safe_side() {
+    for (limit, low, high) in [
+        (2.0 / 3300.0, 0.0006, 0.00061),
+        (0.2, 0.19, 0.21),
+        (1.0, 0.99, 1.1),
+        (13.249, 13.0, 14.0),
+        (987.6, 980.0, 990.0),
+        (0.0, 0.0, 0.0),
+        (f64::NAN, 0.0, 0.0),
+    ] {
+        assert_eq!((below(limit), above(limit)), (low, high), "{limit}");
+    }
 }
 
 /// Computes Colgate and Schenkel's condition at one frequency, straight from its complex form.
