@@ -175,6 +175,22 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     browser.until("document.querySelector('#notice').hidden");
 }
 
+/// The axis of the speed went to 5000 with a trace below 800.
+#[test]
+fn axis_of_a_scope_shrinks_to_what_is_drawn() {
+    let _alone = real_time();
+    let Some(mut browser) = Chromium::start() else { return };
+    let stage = Stage::at(Options::default(), None);
+    browser.open(stage.page().url());
+    let tops = browser.eval(
+        "(async () => { const token = new URLSearchParams(location.search).get('token'); \
+         const { Scale } = await import('./scope.js?token=' + token); const scale = new Scale(); \
+         return [[4200, 0], [760, 100], [760, 700], [0, 5000], [900, 5001]].map(([x, ms]) => \
+         scale.fit(x, ms)); })()",
+    );
+    assert_eq!(tops, serde_json::json!([5000, 5000, 800, 800, 1000]), "{tops}");
+}
+
 #[test]
 fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
     let _alone = real_time();
