@@ -150,8 +150,6 @@ pub struct Dropped {
 pub struct PathLatency {
     pub from: usize,
     pub to: usize,
-    /// Least latency of any path.
-    pub least: Latency,
     /// Greatest latency of any path.
     pub most: Latency,
     /// Nodes of the path with the greatest latency, including its ends. In a graph with very many long
@@ -159,7 +157,66 @@ pub struct PathLatency {
     pub through: Vec<usize>,
 }
 
+/// The path to a node on which samples come latest, and how late its nodes declare them to be.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SlowestPath {
+    /// Sum of the declared latencies.
+    pub latency: Latency,
+    /// Its nodes, from a source on.
+    pub through: Vec<usize>,
+}
+
+/// Most nodes that are named by all slowest paths together, without their ends.
+const MAX_NAMED: usize = 100_000;
+
 impl Schedule {
+    /// The slowest path to a node.
+    ///
+    /// A latency below 0 counts as 0: it balances windows that reach into the past, and brings no sample to
+    /// the actuator before the hand has moved. The other inputs of a gate open it, and delay nothing.
+    pub fn slowest_path(&self, to: usize) -> SlowestPath {
+        self.slowest_among(std::iter::once(to)).pop().unwrap_or_default()
+    }
+
+    /// The slowest path to each sink, in their order. In a graph with very many long paths, later ones name
+    /// only their ends.
+    pub fn slowest_paths(&self) -> Vec<SlowestPath> {
+        self.slowest_among((0..self.nodes.len()).filter(|&i| self.nodes[i].sink))
+    }
+
+    /// The slowest path to an audio output; without one, to any sink. Empty where there is none.
+    pub fn slowest(&self) -> SlowestPath {
+        let audio = self.slowest_among(self.with_role(Role::AudioOutput).map(|(i, _)| i));
+        let all = if audio.is_empty() { self.slowest_paths() } else { audio };
+        all.into_iter().reduce(|a, b| if b.latency > a.latency { b } else { a }).unwrap_or_default()
+    }
+
+    fn slowest_among(&self, ends: impl Iterator<Item = usize>) -> Vec<SlowestPath> {
+        // Nodes are in the order they run. A wire that closes a cycle carries the value of the tick before,
+        // and is left out.
+        let mut late = vec![Latency::ZERO; self.nodes.len()];
+        let mut before = vec![None; self.nodes.len()];
+        for (i, node) in self.nodes.iter().enumerate() {
+            let passed = |(index, _): &(usize, _)| node.gate.is_none_or(|gated| gated == *index);
+            let inputs = node.inputs.iter().enumerate().filter(passed);
+            let sources = inputs.filter_map(|(_, input)| Some(input.from?.0)).filter(|&from| from < i);
+            before[i] = sources.rev().max_by_key(|&from| late[from]);
+            let sum = before[i].map_or(Latency::ZERO, |from: usize| late[from]);
+            late[i] = sum + node.latency.max(Latency::ZERO);
+        }
+        let mut named = 0;
+        let path = |to: usize| {
+            let mut through: Vec<usize> = std::iter::successors(Some(to), |&at| before[at]).collect();
+            through.reverse();
+            named += through.len().saturating_sub(2);
+            if named > MAX_NAMED && through.len() > 2 {
+                through = vec![through[0], to];
+            }
+            SlowestPath { latency: late[to], through }
+        };
+        ends.filter(|&to| to < self.nodes.len()).map(path).collect()
+    }
+
     /// Index of a node by its name in the graph.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.nodes.iter().position(|n| n.id == id)

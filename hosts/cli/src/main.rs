@@ -11,6 +11,7 @@ mod commands;
 mod failure;
 mod heap;
 mod kinds;
+mod lag;
 mod leave;
 mod load;
 mod machine;

@@ -11,9 +11,10 @@ use crate::commands::nodes::param_json;
 use crate::commands::render::report::{dropped_json, facts_json};
 use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
-use crate::load::{self, GraphArgs};
+use crate::lag::{self, Lag};
+use crate::load::{self, GraphArgs, Loaded};
 
-/// Check a graph: order, buffers, rates, latency per path, what was dropped and why
+/// Check a graph: order, buffers, rates, response lag, what was dropped and why
 #[derive(Debug, clap::Args)]
 pub struct Args {
     #[command(flatten)]
@@ -25,13 +26,15 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
-    let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
-    print_report(args.json, || as_json(&schedule), || text_of(&schedule))?;
+    let Loaded { graph, registry, compiled, .. } = load::load(&args.graph, &mut kinds)?;
+    let schedule = compiled.schedule;
+    let lag = Lag::of(&graph, &registry, &schedule);
+    print_report(args.json, || as_json(&schedule, &lag), || text_of(&schedule, &lag))?;
     load::warnings(&schedule).iter().for_each(|warning| warn(warning));
     Ok(())
 }
 
-fn text_of(schedule: &Schedule) -> String {
+fn text_of(schedule: &Schedule, lag: &Lag) -> String {
     let mut out = String::new();
     let Schedule { tick_hz, audio_hz, seed, .. } = schedule;
     let _ = writeln!(out, "{tick_hz} ticks/s, audio at {audio_hz} Hz, seed {seed}");
@@ -56,19 +59,11 @@ fn text_of(schedule: &Schedule) -> String {
     let (constants, outputs) = buffer_counts(schedule);
     let counts = outputs.map(|(kind, n)| format!("{n} {kind}"));
     let _ = writeln!(out, "\nbuffers   {}; {constants} constant inputs", counts.join(", "));
-    let _ = writeln!(out, "\nlatency");
-    if schedule.paths.is_empty() {
-        let _ = writeln!(out, "      no path leads from a source to a sink");
-    }
-    for path in &schedule.paths {
-        let name = |i: usize| schedule.nodes[i].id.as_str();
-        let range = if path.least == path.most {
-            format!("{:.4} ms", path.most.ms())
-        } else {
-            format!("{:.4} to {:.4} ms", path.least.ms(), path.most.ms())
-        };
-        let through: Vec<&str> = path.through.iter().map(|&i| name(i)).collect();
-        let _ = writeln!(out, "      {} to {}: {range}", name(path.from), name(path.to));
+    let _ = writeln!(out, "\nlatency   {lag}");
+    for path in schedule.slowest_paths() {
+        let through: Vec<&str> = path.through.iter().map(|&i| schedule.nodes[i].id.as_str()).collect();
+        let to = through.last().copied().unwrap_or_default();
+        let _ = writeln!(out, "      {to}: {:.4} ms declared", path.latency.ms());
         let _ = writeln!(out, "        {}", through.join(" -> "));
     }
     let _ = writeln!(out, "\ndropped");
@@ -131,7 +126,7 @@ fn buffer_counts(schedule: &Schedule) -> (usize, [(&'static str, usize); 4]) {
     (constants, ["Control", "Audio", "Magnitude", "Spectrum"].map(count))
 }
 
-fn as_json(schedule: &Schedule) -> Value {
+fn as_json(schedule: &Schedule, lag: &Lag) -> Value {
     let id = |i: usize| schedule.nodes[i].id.as_str();
     let ids = |all: &[usize]| all.iter().map(|&i| id(i)).collect::<Vec<_>>();
     let input = |input: &ScheduledInput| {
@@ -167,11 +162,9 @@ fn as_json(schedule: &Schedule) -> Value {
         Step::Absorb(i) => ("absorb", id(i)),
     });
     let (constants, counts) = buffer_counts(schedule);
-    let paths = schedule.paths.iter().map(|p| {
-        json!({
-            "from": id(p.from), "to": id(p.to), "least_ms": p.least.ms(), "most_ms": p.most.ms(),
-            "through": ids(&p.through),
-        })
+    let paths = schedule.slowest_paths().into_iter().map(|path| {
+        let to = path.through.last().map(|&to| id(to));
+        json!({ "to": to, "declared_ms": path.latency.ms(), "through": ids(&path.through) })
     });
     json!({
         "tick_hz": schedule.tick_hz,
@@ -180,8 +173,8 @@ fn as_json(schedule: &Schedule) -> Value {
         "nodes": nodes.collect::<Vec<_>>(),
         "steps": steps.collect::<Vec<_>>(),
         "buffers": { "constants": constants, "outputs": counts.into_iter().collect::<BTreeMap<_, _>>() },
-        "latency": paths.collect::<Vec<_>>(),
-        "latency_ms": schedule.latency().ms(),
+        "latency": lag::json(lag),
+        "paths": paths.collect::<Vec<_>>(),
         "dropped": dropped_json(schedule),
         "allocation_free": schedule.allocating().is_empty(),
     })

@@ -8,7 +8,7 @@ mod stylus;
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, Source};
-use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
+use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput};
 use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
@@ -150,11 +150,17 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let mut kinds = Kinds::new(&plugins.plugin);
     let (whole, _) = read(&args, &mut kinds)?;
     let registry = kinds.registry(Some(&whole))?;
-    let mut graph = whole.clone();
-    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
-    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-    graph.wires.retain(|w| ids.contains(&w.to.node));
+    let graph = without_force(&whole, &registry);
     Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
+}
+
+/// A graph without the nodes that push back.
+pub fn without_force(graph: &GraphFile, registry: &Registry) -> GraphFile {
+    let mut graph = graph.clone();
+    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
+    let ids: std::collections::HashSet<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
+    graph.wires.retain(|w| ids.contains(&w.to.node));
+    graph
 }
 
 /// Warns of passivity violations of a scene, or makes them errors.
@@ -213,16 +219,6 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
                 -100.0 * emission / frames,
                 0.5 * frames
             ));
-        }
-    }
-    let drives = |n: &&ScheduledNode| matches!(n.role, Some(Role::ActuatorInverse | Role::Limiter));
-    let drives: Vec<_> = schedule.nodes.iter().filter(drives).collect();
-    for pair in drives.windows(2) {
-        for name in ["profile", "handle_mass_g"] {
-            if pair[0].params.get(name) != pair[1].params.get(name) {
-                let (a, b) = (&pair[0].id, &pair[1].id);
-                out.push(format!("`{a}` and `{b}` are set to different actuators: `{name}` differs"));
-            }
         }
     }
     out

@@ -121,20 +121,21 @@ fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
             a.off_ms()
         );
     }
-    if chains.is_empty() {
-        return out;
+    for Chain { graph, lag, items: known } in chains {
+        out += &format!("{graph}: {lag}\n{}", items(known));
+        if let Ok([tenth, half, most]) = lag.measured {
+            out += &format!(
+                "  a step of speed shows by 10, 50 and 90 % after {tenth:.1}, {half:.1} and {most:.1} ms\n"
+            );
+            if let Some(around) = around {
+                let all = around.declared_ms() + half;
+                out += &format!("  response lag with the device: {all:.1} ms\n");
+            }
+        }
+        out += "\n";
     }
-    let width = chains.iter().map(|c| c.graph.chars().count()).max().unwrap_or(0).max(5);
-    let total = if around.is_some() { "   50 % with the above" } else { "" };
-    out += "answer to a step of speed, of the acceleration that goes to the actuator's inverse\n";
-    out += &format!("  {:width$}      10 %      50 %      90 %{total}\n", "graph");
-    for Chain { graph, lag_ms: [a, b, c], .. } in chains {
-        let total = around.map_or(String::new(), |a| format!("   {:8.1} ms", a.declared_ms() + b));
-        out += &format!("  {graph:width$}  {a:5.1} ms  {b:5.1} ms  {c:5.1} ms{total}\n");
-    }
-    for c in chains {
-        out += &format!("\nof these {:.1} ms, in {}\n{}", c.lag_ms[1], c.graph, items(&c.items));
-    }
+    out.truncate(out.trim_end().len());
+    out.push('\n');
     out
 }
 

@@ -20,6 +20,7 @@ use indicatif::ProgressBar;
 
 use crate::failure::{Failure, be_quiet, print, progress, wrong};
 use crate::kinds::Kinds;
+use crate::lag::Lag;
 use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
@@ -81,7 +82,7 @@ impl Clock for ClockTime {
 pub fn run(args: &Args) -> Result<(), Failure> {
     be_quiet(args.quiet);
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
-    let Loaded { compiled, scene, .. } = load_with_probes(args, &mut kinds)?;
+    let Loaded { graph, registry, compiled, scene } = load_with_probes(args, &mut kinds)?;
     let schedule = &compiled.schedule;
     nothing_live(args, schedule)?;
     let ticks = load::ticks(args.seconds, schedule)?.ok_or_else(|| {
@@ -136,6 +137,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut files: Vec<Pending> =
         master.into_iter().chain(recorders.into_iter().map(Recorder::finish)).collect::<Result<_, _>>()?;
     let facts = (0..engine.schedule().nodes.len()).map(|i| engine.facts(i)).collect();
+    let told = !args.quiet || args.report.is_some();
+    let lag = match told && done == ticks && !args.watch && engine.faults() == 0 {
+        true => Lag::of(&graph, &registry, engine.schedule()),
+        false => Lag::new(Err("see `asperity latency`".into()), engine.schedule()),
+    };
     let run = Run {
         args,
         ticks: done,
@@ -146,6 +152,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         facts,
         times: &timed.times,
         level: &level,
+        lag,
     };
     if let (Some(file), Some(traces)) = (plot_file, traces) {
         files.push(file.fill(&traces.svg(&args.graph.graph, engine.schedule()))?);

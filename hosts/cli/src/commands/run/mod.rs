@@ -19,6 +19,7 @@ use asperity_node::{Fault, Role};
 use crate::card::{self, DeviceArgs};
 use crate::commands::render::recorder::Kept;
 use crate::failure::{Failure, print, warn};
+use crate::lag::Lag;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs};
 use crate::number;
@@ -121,7 +122,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut stage = Stage { session, editor, hands, recordings, failed: Default::default() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
-    editor.end();
+    let played = editor.end();
     let grants = session.grants();
     let mut ended = session.stop();
     drop(hands);
@@ -135,7 +136,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let last = Speaker::new(false);
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
     last.close();
-    let run = report::Run { args, ended: &ended, grants };
+    let schedule = ended.graph_controller.schedule();
+    // What failed in the run is not run again.
+    let sound = ended.player.is_some() && ended.view.faults == 0 && (!args.quiet || args.report.is_some());
+    let lag = match played.filter(|_| sound) {
+        Some((graph, registry)) => Lag::of(&graph, &registry, schedule),
+        None => Lag::new(Err("see `asperity latency`".into()), schedule),
+    };
+    let run = report::Run { args, ended: &ended, grants, lag };
     let reported = report_file
         .map_or(Ok(()), |file| file.fill(&run.json()).and_then(Pending::keep).map(|path| written.push(path)));
     if !args.quiet {

@@ -75,17 +75,22 @@ pub fn make(
         Some(base) => base,
         None => load::read(args, kinds)?.0,
     };
+    let graph = changed(&base, moved, chosen);
+    let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
+    let materials = materials(&compiled.schedule);
+    Ok(Made { base, graph, compiled, materials })
+}
+
+/// A graph with the changes of the user. A parameter that the file no longer has is skipped.
+pub fn changed(base: &GraphFile, moved: &[String], chosen: &BTreeMap<String, String>) -> GraphFile {
     let mut graph = base.clone();
     for setting in moved {
-        // A parameter that the file no longer has is skipped.
         let _ = graph.set(setting, "the page");
     }
     for (node, material) in chosen {
         let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
     }
-    let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
-    let materials = materials(&compiled.schedule);
-    Ok(Made { base, graph, compiled, materials })
+    graph
 }
 
 /// Locks the kinds. A thread that panicked has left them usable.
