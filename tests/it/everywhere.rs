@@ -52,7 +52,7 @@ fn renders() -> BTreeMap<String, Vec<String>> {
 /// The samples of a render as a hash; none where they are all silent, which would prove nothing.
 fn hash(mut program: Command, dir: &Room, args: &[String]) -> u32 {
     let wav = dir.join("out.wav");
-    program.arg("render").args(args).args(["--seconds", SECONDS, "--out"]).arg(&wav);
+    program.args(["render", "--quiet"]).args(args).args(["--seconds", SECONDS, "--out"]).arg(&wav);
     let out = program.output().expect("the program starts");
     assert!(out.status.success(), "{args:?}: {}", String::from_utf8_lossy(&out.stderr));
     let (samples, _) = harness::wav(&wav);
