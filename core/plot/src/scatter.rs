@@ -91,6 +91,14 @@ impl Scatter {
         }
         self.draw_arrow(&mut svg, top);
         let mut taken: Vec<Around> = Vec::new();
+        if let Some((height, name)) = &self.reference {
+            let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
+            let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
+            svg.path(&line, &format!("stroke=\"{REFERENCE}\" {style}"));
+            svg.text([RIGHT - 4.0, y.at(*height) - 5.0], "end", "wire", name);
+            let (left, line) = (RIGHT - 4.0 - text_width(name, LETTERS), y.at(*height));
+            taken.push(Around { left, right: RIGHT, top: line - 16.0, bottom: line });
+        }
         if let Some(floor) = self.floor {
             // A bar as high as the noise floor, in the corner with the fewest dots.
             let height = (y.at(0.0) - y.at(floor)).abs().max(1.0);
@@ -102,7 +110,10 @@ impl Scatter {
             };
             let [low, high, right] = [BOTTOM - 10.0, top + 6.0 + height.max(14.0), RIGHT - 154.0];
             let corners = [(LEFT + 8.0, low), (right, low), (LEFT + 8.0, high), (right, high)];
-            let dots = |corner: &Around| self.dots.iter().filter(|dot| corner.has(at(dot))).count();
+            let dots = |corner: &Around| {
+                let texts = taken.iter().filter(|other| corner.covers(other)).count();
+                self.dots.iter().filter(|dot| corner.has(at(dot))).count() + 100 * texts
+            };
             let corner = corners.map(|(left, bottom)| room(left, bottom)).into_iter().min_by_key(dots);
             if let Some(around @ Around { left, top, bottom, .. }) = corner {
                 let (middle, x) = (0.5 * (top + bottom), left + 16.0);
@@ -113,14 +124,6 @@ impl Scatter {
                 svg.text([x, middle + 4.0], "start", "wire", "less is within noise");
                 taken.push(around);
             }
-        }
-        if let Some((height, name)) = &self.reference {
-            let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
-            let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
-            svg.path(&line, &format!("stroke=\"{REFERENCE}\" {style}"));
-            svg.text([RIGHT - 4.0, y.at(*height) - 5.0], "end", "wire", name);
-            let (left, line) = (RIGHT - 4.0 - text_width(name, LETTERS), y.at(*height));
-            taken.push(Around { left, right: RIGHT, top: line - 16.0, bottom: line });
         }
         let dots: Vec<[f64; 2]> = self.dots.iter().map(at).collect();
         for (dot, at) in self.dots.iter().zip(&dots).filter(|(dot, _)| !dot.label.is_empty()) {
