@@ -301,9 +301,9 @@ export class Hand {
     const touched = this.#pointer !== null && this.#there;
     if (invite.hidden !== touched) invite.hidden = touched;
     const last = this.#last;
-    const mm = (x) => x.toFixed(1).replace("-", "−");
+    const mm = (x) => `${x.toFixed(1).replace("-", "−")} mm`;
     const text = this.#touches()
-      ? `x ${mm(last.x)}, y ${mm(last.y)} mm, press ${last.pressure.toFixed(2)}`
+      ? `x ${mm(last.x)}, y ${mm(last.y)}, pressure ${last.pressure.toFixed(2)}`
       : last ? "lifted" : "";
     write(document.getElementById("where"), text);
   }
