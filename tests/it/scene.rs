@@ -364,7 +364,7 @@ fn scene_error_has_its_place_and_nothing_is_written() {
         (&wall_network, "shaped_noise(", "shaped_nose(", "shaped_noise"),
         (&wall_network, "stiffness: (stiffness_n_per_mm: 0.5), ", "", "does not push back"),
         (&wall_network, "texture: network", "texture: [network, network]", "two network textures"),
-        (&wall_network, "material: \"canvas\", ", "", "no material"),
+        (&wall_network, "material: \"canvas\", ", "", "without a material"),
         (&wall_network, "texture: network", "texture: autoregressive(model: \"gone.ron\")", "gone.ron"),
     ] {
         let scene = format!("Scene(\n{})\n", scene(48_000, &[effects]));

@@ -65,7 +65,7 @@ fn scene_without_force_or_sound_is_told() {
     write(&dir, FRAME, TILE, &format!("{WALL}, texture: dahl()"));
     assert!(check(&dir, "").err.contains("`dahl`"));
     write(&dir, FRAME, TILE, &format!("{WALL}, texture: []"));
-    assert!(check(&dir, "").err.contains("no textures"));
+    assert!(check(&dir, "").err.contains("an empty list of textures"));
     // A file that is not there is told of once, whoever reads it.
     let gone = format!("{WALL}, texture: autoregressive(model: \"gone.ron\")");
     write(&dir, &format!("{FRAME}, {SOUND}"), "box(size_mm: (50, 50, 5))", &gone);

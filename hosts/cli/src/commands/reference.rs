@@ -248,8 +248,9 @@ fn described(command: &Command) -> Vec<(String, String)> {
     if command.is_hide_set() || command.get_name() == "help" {
         return Vec::new();
     }
-    if command.has_subcommands() {
-        return command.get_subcommands().flat_map(described).collect();
+    let below = command.get_subcommands().flat_map(described);
+    if command.is_subcommand_required_set() {
+        return below.collect();
     }
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim_start_matches("Usage: ").trim();
@@ -265,7 +266,8 @@ fn described(command: &Command) -> Vec<(String, String)> {
         let _ = write!(out, "\n```\n{}\n```\n", after.to_string().trim());
     }
     let summary = command.get_about().map(ToString::to_string).unwrap_or_default();
-    vec![(item(&format!("[`{name}`](#{}): {summary}", name.replace(' ', "-"))), out)]
+    let entry = item(&format!("[`{name}`](#{}): {summary}", name.replace(' ', "-")));
+    std::iter::once((entry, out)).chain(below).collect()
 }
 
 fn arguments<'a>(all: impl Iterator<Item = &'a Arg>) -> String {
