@@ -6,7 +6,7 @@ OUT ?= out
 # Where cargo puts programs that are not optimised for release.
 BUILT := $(or $(CARGO_TARGET_DIR),target)/debug
 
-.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -20,16 +20,30 @@ setup-tests:
 setup-fuzz: setup
 	@sh scripts/setup.sh fuzz
 
-# Renders the default stroke over the default material: WAV, plot and report. The program is one without tract, which
-# would take as long to build as all the rest: it refuses networks that are no plain multilayer perceptron, and pictures.
+# Renders the default stroke over the default material: WAV, plot and report; and the paper's chain over the same
+# stroke, to compare. The program is one without tract, which would take as long to build as all the rest: it refuses
+# networks that are no plain multilayer perceptron, and pictures.
 demo: setup
 	$(CARGO) build --profile demo -p asperity --no-default-features
 	mkdir -p $(OUT)
-	target/demo/asperity render graphs/heravi2024.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
+	target/demo/asperity render graphs/texture.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
+	target/demo/asperity render graphs/heravi2024.ron --out $(OUT)/paper.wav --quiet
 	@echo
-	@echo "listen to  $(OUT)/demo.wav   what the sound card plays: 1 is 1 V, and 1 A behind the amplifier"
-	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram, current"
-	@echo "read       $(OUT)/demo.json  what it took"
+	@echo "listen to  $(OUT)/demo.wav   a stroke over canvas: the signal for the actuator, by graphs/texture.ron"
+	@echo "compare    $(OUT)/paper.wav  the same stroke by the paper's chain, graphs/heravi2024.ron: it repeats itself"
+	@echo "look at    $(OUT)/demo.svg   position, speed, force, acceleration, spectrogram and current over time"
+	@echo "read       $(OUT)/demo.json  how long a tick took, the level, and what each node did"
+
+# Installs the program with its manual pages and shell completions.
+PREFIX ?= $(HOME)/.local
+SHARE := $(PREFIX)/share
+install: setup
+	$(CARGO) install --locked --path hosts/cli --root $(PREFIX)
+	$(PREFIX)/bin/asperity man --out $(SHARE)/man/man1
+	mkdir -p $(SHARE)/bash-completion/completions $(SHARE)/zsh/site-functions $(SHARE)/fish/vendor_completions.d
+	$(PREFIX)/bin/asperity completions bash > $(SHARE)/bash-completion/completions/asperity
+	$(PREFIX)/bin/asperity completions zsh > $(SHARE)/zsh/site-functions/_asperity
+	$(PREFIX)/bin/asperity completions fish > $(SHARE)/fish/vendor_completions.d/asperity.fish
 
 # Every test but the long ones. Those of the training are left out, since its framework takes long to build; with
 # `make test WITHOUT=` they run too. `BUILD=--all-targets` also builds the benches.
@@ -48,9 +62,9 @@ test-demo: setup
 	$(CARGO) build -p asperity --no-default-features
 	cp $(BUILT)/asperity $(OUT)/plain
 	for program in whole plain; do \
-	    $(OUT)/$$program render graphs/heravi2024.ron --seconds 2 --out $(OUT)/$$program.wav || exit 1; done
+	    $(OUT)/$$program render graphs/texture.ron --seconds 2 --out $(OUT)/$$program.wav || exit 1; done
 	cmp $(OUT)/whole.wav $(OUT)/plain.wav
-	! $(OUT)/plain check graphs/heravi2024.ron --set texture.executor=tract 2> $(OUT)/plain.txt
+	! $(OUT)/plain check graphs/texture.ron --set texture.executor=tract 2> $(OUT)/plain.txt
 	grep 'cargo install' $(OUT)/plain.txt
 
 # The tests that take minutes, and some hours for the hard cases: a million ticks without an allocation, a thousand
@@ -123,8 +137,8 @@ evaluate: setup
 # The pictures of the README and of docs/.
 pictures: setup
 	$(CARGO) build --release -p asperity
-	target/release/asperity graph graphs/heravi2024.ron --svg docs/graph.svg
-	target/release/asperity render graphs/heravi2024.ron --plot docs/render.svg
+	target/release/asperity graph graphs/texture.ron --svg docs/graph.svg
+	target/release/asperity render graphs/texture.ron --plot docs/render.svg
 	target/release/asperity render graphs/scenes/every_effect.ron --plot docs/scene.svg
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
 	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \

@@ -44,6 +44,15 @@ if [ "${1:-}" = tests ] && [ "$(uname)" = Linux ]; then
     if [ -n "$drive" ]; then
         install $drive || echo "not installed:$drive; the tests that need them are skipped" >&2
     fi
+    # Finds faults of the page's accessibility. It is under another licence (MPL-2.0), so it is not kept here.
+    axe=4.14.1
+    sum="29348999450cdf2849a8e70b7912fc2da85a849da39c0d0d5394f51d4a9ed95c  target/axe/axe.min.js"
+    has_axe() { echo "$sum" | sha256sum --check --status 2>/dev/null; }
+    if ! has_axe; then
+        mkdir -p target/axe
+        (cd target/axe && npm pack --silent "axe-core@$axe" && tar -xzf "axe-core-$axe.tgz" --strip-components 1 package/axe.min.js) >/dev/null 2>&1 || true
+        has_axe || { rm -rf target/axe; echo "not installed: axe-core $axe, by npm; the test that needs it is skipped" >&2; }
+    fi
 fi
 
 # What fuzzing needs beside a compiler for C++.

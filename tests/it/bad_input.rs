@@ -210,7 +210,7 @@ fn what_stands_on_the_command_line_is_checked_too() {
     }
     for (args, says) in [
         ("--out o.mp3", ".wav or .npy"),
-        ("--out nowhere/o.wav", "nowhere/o.wav: error: cannot write here"),
+        ("--out nowhere/o.wav", "nowhere/o.wav: error: the folder nowhere does not exist"),
         ("--out a.npy --probe motion.speed=a.npy", "would write the same file as"),
     ] {
         dir.run(&format!("render graphs/heravi2024.ron {args}")).refused(says);

@@ -232,3 +232,23 @@ fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
         assert!(wanted > 0.0 && error < 1e-2 * wanted, "{name}: {:.5} of the power is error", error / wanted);
     }
 }
+
+/// Every pair of neighbours that drove different actuators was taken for a mistake.
+#[test]
+fn two_actuators_of_different_profiles_cause_no_warning() {
+    let dir = Room::new();
+    dir.write(
+        "g.ron",
+        r#"Graph(version: 1, nodes: {
+            "sine": (kind: "sine"),
+            "near": (kind: "limiter", params: (profile: "hapcoil_one", handle_mass_g: 100)),
+            "far": (kind: "limiter", params: (profile: "haptuator_mark_ii", handle_mass_g: 60)),
+            "left": (kind: "audio_out"),
+            "right": (kind: "audio_out"),
+        }, wires: [("sine", "near"), ("sine", "far"), ("near", "left"), ("far", "right")])"#,
+    );
+    for line in ["check g.ron", "render g.ron --seconds 0.1 --out o.wav"] {
+        let ran = dir.run(line).ok();
+        assert!(!ran.err.contains("warning"), "{}", ran.err);
+    }
+}

@@ -56,7 +56,30 @@ fn every_retrieval_kind_is_in_table_picture_and_file() {
         assert_eq!(rows, 7, "{kind} has a line for each vector");
     }
     assert!(text.lines().all(|l| l.chars().count() <= 110), "{text}");
-    assert!(text.contains("published") && text.contains("fgla100, offline"), "{text}");
+    assert!(text.contains("published") && text.contains("fgla100 [2], offline"), "{text}");
+}
+
+/// A row `rtpghi` of the plugin stood beside one of the paper, and no row said where it was from.
+#[test]
+fn published_rows_carry_references_and_names_of_their_own() {
+    let Compared { text, svg, csv, .. } = compared();
+    let paper = "Real-time Spectrogram Inversion Using Phase Gradient Heap Integration";
+    let words = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(words(text).contains(&format!("[4] Z. Prusa, P. L. Sondergaard, {paper}, DAFx, 2016")), "{text}");
+    assert!(
+        svg.contains(&format!("[4] rtpghi0, rtpghi1: Z. Prusa, P. L. Sondergaard, {paper}, DAFx, 2016<"))
+    );
+    let mut rows = csv::Reader::from_reader(csv.as_bytes());
+    let head = rows.headers().unwrap().clone();
+    let at = |name: &str| head.iter().position(|h| h == name).unwrap();
+    let (mut nodes, mut published) = (0, 0);
+    for row in rows.records().map(Result::unwrap) {
+        let (name, cited) = (&row[at("method")], &row[at("reference")]);
+        let of_paper = &row[at("published")] == "true";
+        assert_eq!((of_paper, of_paper), (name.contains(" ["), !cited.is_empty()), "{row:?}");
+        *(if of_paper { &mut published } else { &mut nodes }) += 1;
+    }
+    assert!(nodes > 0 && published == 24 * 7, "{nodes} {published}");
 }
 
 #[test]
@@ -255,7 +278,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         ("--phase gain", "`gain` is not a phase-retrieval node"),
         ("--phase spsi:sed=1", "did you mean `seed`?"),
         ("--phase spsi:seed", "no `=`"),
-        ("--svg gone/a.svg", "cannot write here"),
+        ("--svg gone/a.svg", "the folder gone does not exist"),
         ("--svg a.svg --csv ./a.svg", "would write the same file as --csv"),
         ("--csv a.csv --json", "cannot be used with"),
         ("--plugin gone.so", "gone.so"),

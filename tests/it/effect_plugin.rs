@@ -76,7 +76,7 @@ fn plugin_effect_beyond_passivity_is_a_warning() {
     for library in libraries(&dir) {
         // K = 2 pi 5 / 0.5 N/mm needs b > K T / 2 = 31 N s/m at 1 kHz.
         scene(&dir, &library, "(force_n: 5, spacing_mm: 0.5)");
-        dir.run("check s.ron").ok().says(&["my_effect", "62.832 N/mm"]);
+        dir.run("check s.ron").ok().says(&["my_effect", "62.832 N/mm", "passive with `force_n: "]);
         dir.run("check s.ron --strict").refused("");
         scene(&dir, &library, "(force_n: 0.2, spacing_mm: 4)");
         let ran = dir.run("check s.ron --strict").ok();

@@ -34,6 +34,7 @@ fn folder() -> Room {
         description: "Made for a test.".into(),
         family: Some("grey".into()),
         images: Vec::new(),
+        image_mm: None,
         pattern: Default::default(),
         vector: Box::new(vector(s)),
     };

@@ -413,3 +413,112 @@ fn what_is_wrong_is_said_where_it_is_and_nothing_is_written() {
     fit(&dir, "s.csv --out mine.ron").ok();
     assert_eq!(read(&dir, "mine.ron").texture.models().len(), 1);
 }
+
+/// Ticks in which the node of a kind was called, and slept.
+fn ticks_of(report: &Value, kind: &str) -> [u64; 2] {
+    let nodes = report["nodes"].as_array().expect("nodes");
+    let node =
+        nodes.iter().find(|node| node["kind"] == kind).unwrap_or_else(|| panic!("no {kind}: {report}"));
+    ["calls", "slept"].map(|count| node[count].as_u64().expect("a count"))
+}
+
+/// 2 s of motion, then 2 s of rest under the same force, then 1 s of motion above the surface.
+fn resting() -> String {
+    harness::csv(5.0, |t| {
+        [60.0 * t.min(2.0) + 60.0 * (t - 4.0).max(0.0), 0.0, if t < 4.0 { -2.0 } else { 3.0 }]
+    })
+}
+
+#[test]
+fn fitted_texture_is_named_by_its_path_and_sleeps() {
+    let dir = Room::new();
+    for folder in ["models", "graphs_of_mine"] {
+        std::fs::create_dir(dir.join(folder)).expect("a folder");
+    }
+    dir.write("s.csv", table(COLUMNS, row));
+    dir.write("rest.csv", resting());
+    let ran = fit(&dir, "s.csv --out models/m.ron").ok();
+    // What the command says is run as it stands.
+    let command =
+        ran.out.lines().find_map(|line| line.strip_prefix("render it:  asperity ")).expect("a command");
+    dir.run(&format!("{} --input rest.csv --report r.json", command.replace('\'', ""))).ok();
+    let told = dir.wav("fitted.wav").0;
+    assert!(told.iter().any(|x| x.abs() > 0.01));
+    let [calls, slept] = ticks_of(&dir.json("r.json"), "autoregressive");
+    // The gate closes within some ticks of its fade, and opens as late.
+    assert!((950..1100).contains(&calls) && calls + slept == 2501, "{calls} {slept}");
+    // In a graph and a scene of another folder, by a path from there, it is the same as in the long form.
+    let graph = std::fs::read_to_string(graphs("fitted.ron")).expect("the shipped graph");
+    let scene = "Scene(version: 1, seed: 5, input: trajectory(file: \"../rest.csv\"), \
+        output: audio_out(volts_at_full_scale: 1.0, amps_per_volt: 1.0), surfaces: {\"cloth\": ( \
+        shape: plane, effects: (stiffness: (stiffness_n_per_mm: 0.5), texture: MODEL))})";
+    let long = "autoregressive(model: \"../models/m.ron\")";
+    let short = "\"../models/m.ron\"";
+    let rendered = |name: &str, text: String| {
+        dir.write(format!("graphs_of_mine/{name}"), text);
+        dir.run(&format!("render graphs_of_mine/{name} --out o.wav --report r.json")).ok();
+        let ticks = ticks_of(&dir.json("r.json"), "autoregressive");
+        (dir.wav("o.wav").0, ticks)
+    };
+    let graph = graph.replace("\"trajectories/zigzag.csv\"", "\"../rest.csv\"");
+    let graph = |model: &str| graph.replace("\"models/made_ar/rough.ron\"", model);
+    let (by_path, ticks) = rendered("g.ron", graph(short));
+    assert!(by_path == told && ticks == [calls, slept], "{ticks:?}");
+    assert!(rendered("g.ron", graph(&format!("r#\"{long}\"#"))).0 == told);
+    assert!(rendered("g.ron", graph("r#\"[\"../models/m.ron\"]\"#")).0 == told);
+    let (by_path, ticks) = rendered("s.ron", scene.replace("MODEL", short));
+    assert!(by_path.iter().any(|x| x.abs() > 0.01) && ticks[0] < 1100 && ticks[1] > 1400, "{ticks:?}");
+    assert!(rendered("s.ron", scene.replace("MODEL", long)).0 == by_path);
+    assert!(rendered("s.ron", scene.replace("MODEL", &format!("[{short}]"))).0 == by_path);
+    // A path that leads nowhere is told with the place that names it.
+    for (name, text) in [("g.ron", graph("\"m.ron\"")), ("s.ron", scene.replace("MODEL", "\"m.ron\""))] {
+        dir.write(format!("graphs_of_mine/{name}"), text);
+        dir.run(&format!("check graphs_of_mine/{name}")).refused("m.ron").says(&[&format!("{name}:")]);
+    }
+}
+
+#[test]
+fn dead_stretches_are_left_out_and_their_seconds_told() {
+    let dir = folder();
+    let clean = told(&dir, "s.csv --out clean.ron");
+    let no_signal = |told: &Value| -> Vec<[f64; 2]> {
+        let all = told["dropped"].as_array().expect("a list").iter();
+        let dead = all.filter(|d| ["still", "clipped", "dead"].iter().any(|why| d["why"] == *why));
+        let span = |d: &Value| ["start_s", "length_s"].map(|name| d[name].as_f64().expect("seconds"));
+        dead.map(span).map(|[start, length]| [start, start + length]).collect()
+    };
+    assert!(no_signal(&clean).is_empty(), "{clean}");
+    // Half of a stay of six seconds and a bit of another: noise of the sensor.
+    let mut random = asperity_numbers::Random::new(1);
+    let noise: Vec<f64> = (0..stroke().force.len()).map(|_| 1e-3 * random.normal()).collect();
+    let dead = [20_000..20_800, 37_000..40_000];
+    dir.write(
+        "dead.csv",
+        table(COLUMNS, |n| {
+            let is_dead = dead.iter().any(|range| range.contains(&n));
+            let acceleration = if is_dead { noise[n] } else { stroke().acceleration[n] + noise[n] };
+            vec![stroke().force[n], stroke().speed[n], acceleration]
+        }),
+    );
+    let ran = fit(&dir, "dead.csv --out m.ron").ok();
+    ran.says(&["s: silent at a speed and force that sound elsewhere"]);
+    let mended = told(&dir, "dead.csv --out m.ron");
+    let found = no_signal(&mended);
+    assert_eq!(found.len(), 2, "{found:?}");
+    for ([from, to], want) in found.into_iter().zip(dead) {
+        let want = [want.start, want.end].map(|n| n as f64 / 1000.0);
+        assert!(
+            (from - want[0]).abs() < 0.031 && (to - want[1]).abs() < 0.031,
+            "{from} to {to}, not {want:?}"
+        );
+    }
+    // All nine models are as loud as from the whole recording.
+    let levels = |told: &Value| -> Vec<f64> {
+        let models = told["models"].as_array().expect("models").iter();
+        models.map(|model| model["rms_m_s2"].as_f64().expect("a level")).collect()
+    };
+    let (clean, mended) = (levels(&clean), levels(&mended));
+    assert_eq!((clean.len(), mended.len()), (9, 9));
+    let off = clean.iter().zip(&mended).map(|(a, b)| (20.0 * (a / b).log10()).abs()).fold(0.0, f64::max);
+    assert!(off < 0.7, "{off} dB");
+}

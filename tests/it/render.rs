@@ -35,7 +35,7 @@ fn one_command_makes_wav_plot_and_report() {
         assert!(report["tick_us"][key].as_f64().unwrap() > 0.0, "{key}");
     }
     assert!(report["realtime_factor"].as_f64().unwrap() > 1.0 && report["asperity"].is_string());
-    assert!(report["latency_ms"].as_f64().unwrap() > 0.0);
+    assert!(report["latency"]["declared_ms"].as_f64().unwrap() > 0.0);
     assert!(
         report["faults"] == 0 && report["seed"] == 2024 && report["dropped"].as_array().unwrap().is_empty()
     );

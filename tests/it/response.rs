@@ -61,7 +61,8 @@ fn the_chain_answers_a_step_of_speed_as_late_as_its_parts_say() {
 #[test]
 fn recommended_chain_is_half_way_in_10_ms_and_there_in_20() {
     let figures = Room::new().run("latency graphs/texture.ron --json").json();
-    let lag: Vec<f64> = serde_json::from_value(figures["graphs"][0]["lag_ms"].clone()).unwrap();
+    let lag: Vec<f64> =
+        serde_json::from_value(figures["graphs"][0]["latency"]["response_lag_ms"].clone()).unwrap();
     println!("10, 50 and 90 % after {lag:?} ms");
     assert!(lag[1] <= 10.0 && lag[2] <= 20.0, "{lag:?} ms");
 }
@@ -76,7 +77,7 @@ fn setting_changes_only_its_graph_and_unknown_is_refused() {
     assert!(both.err.contains("heravi2024.ron has no such parameter"), "{}", both.err);
     assert_eq!(both.err.matches("note:").count(), 1, "{}", both.err);
     let figures = both.json();
-    let half = |n: usize| figures["graphs"][n]["lag_ms"][1].as_f64().unwrap();
+    let half = |n: usize| figures["graphs"][n]["latency"]["response_lag_ms"][1].as_f64().unwrap();
     println!("{:.1} ms with the setting, {:.1} ms where there is none", half(1), half(0));
     assert!(half(1) < 40.0 && half(0) > 55.0, "{figures}");
     // A tone beside a stylus that it does not follow. That is told after it was measured: if it is measured
@@ -97,4 +98,49 @@ fn setting_changes_only_its_graph_and_unknown_is_refused() {
         assert!(none.code != 0 && !none.err.contains("does not rise"), "{set}: {}", none.err);
         assert!(none.err.contains(says), "{set}: {}", none.err);
     }
+}
+
+/// Latency was told three ways: "0.00 ms source to sink", "-39.0 to 0.0" and 7.4 ms.
+#[test]
+fn latency_is_one_line_in_every_command() {
+    let dir = Room::new();
+    let graph = harness::graphs("texture.ron").display().to_string();
+    let rendered = dir.run(&format!("render {graph} --report render.json")).ok();
+    let ran = dir.run(&format!("run {graph} --device simulated:frames=256 --seconds 0.2 --report run.json"));
+    let ran = ran.ok();
+    let told = dir.run(&format!("latency {graph} --json")).json();
+    let checked = dir.run(&format!("check {graph} --json")).json();
+    let line = told["graphs"][0]["latency"]["line"].as_str().unwrap().to_owned();
+    println!("{line}");
+    let lag = told["graphs"][0]["latency"]["response_lag_ms"][1].as_f64().unwrap();
+    let declared = "declared latency 1.0 ms on the slowest path, `stylus` to `out` by `audio rate`";
+    assert_eq!(line, format!("response lag {lag:.0} ms from the hand; {declared}"));
+    for text in [
+        rendered.out,
+        ran.out,
+        dir.run(&format!("check {graph}")).ok().out,
+        dir.run(&format!("latency {graph}")).ok().out,
+    ] {
+        assert_eq!(text.matches(&line).count(), 1, "{text}");
+        assert!(!text.contains("source to sink") && !text.contains(" to 0.0000 ms"), "{text}");
+    }
+    // Reports hold the numbers in one place.
+    for report in [dir.json("render.json"), dir.json("run.json"), checked] {
+        assert_eq!(report["latency"], told["graphs"][0]["latency"]);
+    }
+}
+
+#[test]
+fn graph_without_a_hand_says_why_it_has_no_lag() {
+    let dir = Room::new();
+    dir.write(
+        "g.ron",
+        r#"Graph(version: 1, nodes: {"sine": (kind: "sine"), "late": (kind: "delay", params: (delay_ms: 4.0)),
+        "limiter": (kind: "limiter"), "out": (kind: "audio_out")},
+        wires: [("sine", "late"), ("late", "limiter"), ("limiter", "out")])"#,
+    );
+    let says = "response lag not measured (nothing in this graph moves a stylus); declared latency 4.0 ms on \
+                the slowest path, `sine` to `out` by `late`";
+    dir.run("check g.ron").ok().says(&[says]);
+    dir.run("render g.ron --seconds 0.1").ok().says(&[says]);
 }

@@ -179,7 +179,7 @@ fn what_makes_no_sense_is_refused_before_anything_is_played() {
         (&["--amps", "1.5"], "out of range"),
         (&["--volts", "1"], "--drive voltage"),
         (&["--base", "hapcoil_two"], "hapcoil_one"),
-        (&["--out", "no/such/folder.ron"], "cannot write here"),
+        (&["--out", "no/such/folder.ron"], "the folder no does not exist"),
     ];
     for (more, says) in cases {
         let out = if more.contains(&"--out") { "" } else { "--out found.ron" };

@@ -281,6 +281,11 @@ fn arm_pushes_back_and_too_stiff_a_wall_is_warned_of() {
     println!("{}", ran.err);
     let warned = ran.err.lines().find(|line| line.contains("`wall`")).expect("a warning");
     assert!(warned.contains("warning") && warned.contains("N/mm"), "{warned}");
+    // What the warning names holds.
+    let (_, advice) = warned.split_once("passive with --set ").unwrap_or_else(|| panic!("{warned}"));
+    let advice = advice.split([';', ' ']).next().unwrap_or_default();
+    let ran = run(&["--set", &library, "--set", advice, "--seconds", "0.3"]).ok();
+    assert!(!ran.err.contains("`wall`"), "{advice}: {}", ran.err);
 }
 
 #[test]

@@ -199,7 +199,7 @@ fn sum_at_128_frames_is_measured_and_within_15_ms() {
     let (dir, graph) = (tempfile::tempdir().unwrap(), harness::graphs("texture.ron").display().to_string());
     let asked = run(dir.path(), &["latency", &graph, "--json"]).ok();
     let figures: Value = serde_json::from_str(&asked.out).unwrap();
-    let lag_ms = figures["graphs"][0]["lag_ms"][1].as_f64().unwrap();
+    let lag_ms = figures["graphs"][0]["latency"]["response_lag_ms"][1].as_f64().unwrap();
     let half_ms = declared_ms + lag_ms;
     println!("48 kHz, 128 frames: {declared_ms:.2} ms from input to output, {half_ms:.2} ms with the chain");
     assert!(declared_ms <= REACH_MS, "{declared_ms} ms are declared from input to output");

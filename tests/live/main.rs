@@ -12,6 +12,7 @@ mod ear;
 mod edit;
 mod edits;
 mod ends;
+mod feel;
 mod hand;
 mod hands;
 mod haply;

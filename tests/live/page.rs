@@ -135,9 +135,8 @@ pub(crate) fn loudest(x: &[f32]) -> f64 {
 
 const SPEED: f64 = 120.0;
 
-/// The current that the page shows.
-const CURRENT: &str = "parseFloat([...document.querySelectorAll('.scope')].find((one) => \
-    one.querySelector('b').textContent === 'current').querySelector('output').textContent)";
+/// The largest current of the last moment that the page shows.
+const CURRENT: &str = "Number(document.querySelector('#drive').getAttribute('aria-valuenow'))";
 
 /// The number beside a slider.
 fn typed(slider: &str) -> String {
@@ -179,15 +178,14 @@ fn what_is_done_takes_effect(kept: &mut Kept) -> Result<(), String> {
     pen.strokes_until(SPEED, &format!("{CURRENT} > 0.02"));
     pen.strokes(0.7, SPEED);
     pen.does(
-        "(() => { const s = document.querySelector('#materials select'); s.value = 'sandpaper P40'; \
-         s.dispatchEvent(new Event('change', { bubbles: true })); })()",
+        "[...document.querySelectorAll('.card')].find((one) => one.textContent === 'sandpaper P40').click()",
     );
     pen.strokes(1.4, SPEED);
     pen.lifts();
     let before = pen.browser.eval("window.before");
     // Another page is told what holds now.
     pen.browser.open(&url);
-    pen.browser.until("document.querySelector('#materials select')?.value === 'sandpaper P40'");
+    pen.browser.until("document.querySelector('#chosen').textContent === 'sandpaper P40'");
     pen.browser.until("document.querySelector('#condition').dataset.is === 'playing'");
     let now = pen.browser.eval(&format!("{slider}.value"));
     assert_eq!(pen.browser.complaints(), Vec::<String>::new());

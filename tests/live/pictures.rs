@@ -1,7 +1,8 @@
 //! The picture of the page in the README: `make live-pictures`.
 
+use std::collections::HashSet;
 use std::fs::File;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use harness::alone::real_time;
@@ -10,18 +11,31 @@ use harness::live::Live;
 
 use crate::pen::{MM, Pen, RADIUS};
 
-/// With `ASPERITY_PICTURES=FOLDER`: paints the page of a run of graphs/live.ron while a pen strokes. With
-/// `ASPERITY_EVERY_SIZE` too: the page at other sizes.
+/// Paints the page of a run of graphs/live.ron while a pen strokes: at a desk, at night, and on a phone. They
+/// lie in target/page; with `ASPERITY_PICTURES=FOLDER` the first is also the page.png of that folder.
 #[test]
 fn pictures_of_a_run() {
     let _alone = real_time();
-    let Some(folder) = std::env::var_os("ASPERITY_PICTURES").map(std::path::PathBuf::from) else { return };
-    let sizes =
-        [("page", 1440, false), ("desk_dark", 1440, true), ("tablet", 900, false), ("phone", 390, false)];
-    let many = if std::env::var_os("ASPERITY_EVERY_SIZE").is_some() { sizes.len() } else { 1 };
-    for (name, width, dark) in &sizes[..many] {
-        let Some((live, mut pen)) = painted(*width, *dark) else { return };
-        pen.strokes(3.0, 110.0);
+    let Some(browser) = Chromium::start() else { return };
+    let folder = harness::root().join("target/page");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    // A browser that paints so much without a graphics card holds events back.
+    let args =
+        ["graphs/live.ron", "--page", "--device", "simulated:frames=256", "--set", "stylus.timeout_ms=200"];
+    let mut live = Live::start(&harness::root(), &args);
+    let url = live.says("the page: ");
+    let mut pen = Pen::over(browser, &url);
+    for (name, width, height, dark) in
+        [("desk", 1440, 900, false), ("night", 1440, 900, true), ("phone", 390, 844, false)]
+    {
+        pen.browser.look(&Look { width, height, dark });
+        pen.browser.open("about:blank");
+        pen.browser.open(&url);
+        pen.browser.until("document.querySelector('.card[aria-pressed=true] img')?.naturalWidth > 0");
+        // It is painted before the stroke begins.
+        std::thread::sleep(Duration::from_millis(1_000));
+        pen.middle = pen.browser.middle("#surface");
+        pen.strokes(2.0, 110.0);
         let (mut turn, middle) = (pen.turn, pen.middle);
         let file = folder.join(format!("{name}.png"));
         pen.browser.picture_while(&file, |browser| {
@@ -33,26 +47,22 @@ fn pictures_of_a_run() {
                 browser.pen("mouseMoved", at, 0.5);
             }
         });
-        live.stop().ok();
-        few_colours(&file);
+        pen.lifts();
+        shows_something(&file);
+    }
+    assert_eq!(pen.browser.complaints(), Vec::<String>::new());
+    live.stop().ok();
+    if let Some(to) = std::env::var_os("ASPERITY_PICTURES").map(PathBuf::from) {
+        std::fs::copy(folder.join("desk.png"), to.join("page.png")).expect("a file");
+        few_colours(&to.join("page.png"));
     }
 }
 
-/// A run, and a window on its whole page.
-fn painted(width: u32, dark: bool) -> Option<(Live, Pen)> {
-    let browser = Chromium::start()?;
-    // A browser that paints so much without a graphics card holds events back.
-    let args =
-        ["graphs/live.ron", "--page", "--device", "simulated:frames=256", "--set", "stylus.timeout_ms=200"];
-    let mut live = Live::start(&harness::root(), &args);
-    let mut pen = Pen::over(browser, &live.says("the page: "));
-    pen.browser.look(&Look { width, height: 800, dark });
-    // It is laid out anew for the new width, and painted before the stroke begins.
-    std::thread::sleep(Duration::from_millis(1_000));
-    let height = pen.browser.eval("document.documentElement.scrollHeight").as_u64().expect("a height");
-    pen.browser.look(&Look { width, height: u32::try_from(height).expect("a height"), dark });
-    pen.middle = pen.browser.middle("#surface");
-    Some((live, pen))
+/// A page that is not drawn has hardly a colour.
+fn shows_something(file: &Path) {
+    let picture = image::open(file).expect("a picture").to_rgb8();
+    let colours: HashSet<[u8; 3]> = picture.pixels().map(|pixel| pixel.0).collect();
+    assert!(colours.len() > 2_000, "{} shows {} colours", file.display(), colours.len());
 }
 
 /// Writes a picture anew with 256 colours: a page has few, and edges between them.

@@ -28,7 +28,7 @@ fn takes_energy() {
     holds("friction_takes_energy", &subject);
     fails("friction_takes_energy", &late(&subject), "has given");
     let drag = pushing(&subject, "viscosity", |f| -f);
-    fails("friction_takes_energy", &drag, "viscosity: (viscosity_ns_per_m: 2, max_force_n: 1.5) at 100 Hz");
+    fails("friction_takes_energy", &drag, "viscosity: (viscosity_ns_per_m: 1, max_force_n: 1.5) at 100 Hz");
 }
 
 #[test]

@@ -10,7 +10,7 @@ use asperity_data::recordings;
 use asperity_data::wav::Wav;
 use asperity_diagnostics::Source;
 use asperity_graph::{GraphFile, compile};
-use asperity_motion::{Trajectory, TrajectoryOptions};
+use asperity_motion::{ColumnMap, Trajectory, TrajectoryOptions};
 use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
 use asperity_texture::Library;
@@ -75,7 +75,8 @@ fn material(bytes: &[u8]) -> bool {
 /// A trajectory, or a recorded stroke.
 fn csv(bytes: &[u8]) -> bool {
     let Some(source) = text(bytes) else { return false };
-    Trajectory::parse(&source, &TrajectoryOptions::default()).is_ok() | recordings::parse(&source).is_ok()
+    Trajectory::parse(&source, &TrajectoryOptions::default()).is_ok()
+        | recordings::parse(&source, &ColumnMap::default()).is_ok()
 }
 
 fn numbers(bytes: &[u8]) -> bool {

@@ -72,6 +72,8 @@ pub struct Subject {
     pub family: Option<String>,
     /// Tactile images.
     pub images: Parts<Image>,
+    /// Width of an image on the material \[mm\], if known.
+    pub image_mm: Option<f64>,
     /// Strokes.
     pub examples: Parts<Example>,
     /// Kind of the examples' magnitudes.

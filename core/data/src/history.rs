@@ -2,6 +2,7 @@
 
 use asperity_dsp::frame::BINS;
 use asperity_dsp::low_pass::{LowPass, corner, opened_hz};
+pub(crate) use asperity_motion::STIFFNESS_N_PER_MM;
 use asperity_numbers::Random;
 
 use crate::example::Example;
@@ -21,8 +22,6 @@ const CUTOFF_HZ: f64 = 20.0;
 const CUTOFF_HZ_PER_MM_S: f64 = 1.0;
 /// Step of the sensor [mm].
 const SENSOR_STEP_MM: f64 = 0.055;
-/// Stiffness of the floor [N/mm]: turns depth into force.
-pub(crate) const STIFFNESS_N_PER_MM: f64 = 0.5;
 /// Ticks before a drawn history begins: five time constants of the filter.
 const WARM_UP: usize = 30;
 

@@ -3,8 +3,29 @@
 use std::fs::{File, Metadata};
 use std::io::{Read, Take};
 use std::path::Path;
+use std::sync::OnceLock;
 
-use crate::{Diagnostic, budget};
+use crate::{Diagnostic, MAX_TEXT_BYTES, budget};
+
+/// The standard input, once a program has taken it.
+static TAKEN: OnceLock<Vec<u8>> = OnceLock::new();
+
+/// Reads the standard input to its end. From then on the path `-` names it, and can be read again and again.
+/// Error: it cannot be read, or has more than [`MAX_TEXT_BYTES`].
+pub fn take_stdin() -> Result<(), Diagnostic> {
+    if TAKEN.get().is_none() {
+        let (path, mut bytes) = (Path::new("-"), Vec::new());
+        let mut input = std::io::stdin().lock().take(MAX_TEXT_BYTES + 1);
+        input.read_to_end(&mut bytes).map_err(|e| refuse(path, format!("cannot read it: {e}")))?;
+        let _ = TAKEN.set(bytes);
+    }
+    Ok(())
+}
+
+/// Whether a path names the standard input, and a program has taken it.
+pub fn is_stdin(path: &Path) -> bool {
+    path == Path::new("-") && TAKEN.get().is_some()
+}
 
 /// Opens a regular file. At most `most` bytes of it can be read, even if it grows.
 ///
@@ -27,6 +48,10 @@ pub fn open(path: &Path, most: u64) -> Result<Take<File>, Diagnostic> {
 /// Reads a whole regular file of at most `most` bytes. Error: as [`open`]; a file that cannot be read to its
 /// end, or that grows beyond `most` meanwhile.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>, Diagnostic> {
+    if let Some(bytes) = TAKEN.get().filter(|_| is_stdin(path)) {
+        let len = bytes.len() as u64;
+        return if len > most { Err(too_large(path, len, most)) } else { Ok(bytes.clone()) };
+    }
     let mut file = open(path, most)?;
     let mut bytes = Vec::new();
     file.read_to_end(&mut bytes).map_err(|e| unreadable(path, &e))?;

@@ -1,15 +1,29 @@
 //! Suggestions for unknown names.
 
+use std::cmp::Reverse;
+
 /// Longest name for which suggestions are made: the search takes the product of both lengths.
 const LONGEST: usize = 80;
 
+/// Shortest text that is looked for within names.
+const SHORTEST: usize = 3;
+
+/// Most names that are suggested.
+const MOST_NEAR: usize = 5;
+
 /// The name most similar to `wanted`, if any is similar.
 pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    near(wanted, names).first().copied()
+}
+
+/// The names most similar to `wanted`, and names that contain it; the nearest first.
+fn near<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
     let wanted = wanted.to_lowercase();
     let length = wanted.chars().count();
     if length > LONGEST {
-        return None;
+        return Vec::new();
     }
+    let within = |n: &str| length >= SHORTEST && n.to_lowercase().contains(&wanted);
     let distance = |n: &str| {
         let other = n.chars().count();
         let most = 1 + other.max(length) / 3;
@@ -17,16 +31,23 @@ pub fn nearest<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str>) -> Op
         let alike = || strsim::damerau_levenshtein(&wanted, &n.to_lowercase());
         (other.abs_diff(length) <= most).then(alike).filter(|d| *d <= most)
     };
-    names.into_iter().filter_map(|n| Some((distance(n)?, n))).min_by_key(|(d, _)| *d).map(|(_, n)| n)
+    let judged = names.into_iter().map(|n| (distance(n), within(n), n));
+    let mut near: Vec<_> = judged.filter(|(d, within, _)| d.is_some() || *within).collect();
+    let least = near.iter().filter_map(|(d, ..)| *d).min();
+    near.retain(|(d, within, _)| *within || *d == least);
+    near.sort_by_key(|(d, within, _)| (Reverse(*within), d.unwrap_or(usize::MAX)));
+    near.into_iter().take(MOST_NEAR).map(|(.., n)| n).collect()
 }
 
 /// Most names that are listed.
 const MOST: usize = 100;
 
-/// Help for an unknown name: the nearest one if there is one, else a list of all, or of the first ones.
+/// Help for an unknown name: the nearest ones if there are any, else a list of all, or of the first ones.
 pub fn one_of<'a>(wanted: &str, names: impl IntoIterator<Item = &'a str> + Clone) -> String {
-    if let Some(n) = nearest(wanted, names.clone()) {
-        return format!("did you mean `{n}`?");
+    if let Some((last, others)) = near(wanted, names.clone()).split_last() {
+        let others: Vec<_> = others.iter().map(|n| format!("`{n}`")).collect();
+        let or = if others.is_empty() { "" } else { " or " };
+        return format!("did you mean {}{or}`{last}`?", others.join(", "));
     }
     let count = names.clone().into_iter().count();
     let all: Vec<_> = names.into_iter().take(MOST).map(|n| format!("`{n}`")).collect();
@@ -47,6 +68,13 @@ mod tests {
         assert_eq!(nearest("overlap_ad", ["spsi", "overlap_add"]), Some("overlap_add"));
         assert_eq!(nearest("Velocty", ["velocity", "gain"]), Some("velocity"));
         assert_eq!(nearest("zzzzzz", ["velocity", "gain"]), None);
+    }
+
+    #[test]
+    fn part_of_a_name_finds_all_that_contain_it() {
+        let names = ["oak", "float glass", "grass", "sand-blasted glass"];
+        assert_eq!(one_of("glass", names), "did you mean `float glass`, `sand-blasted glass` or `grass`?");
+        assert_eq!(one_of("oka", names), "did you mean `oak`?");
     }
 
     #[test]

@@ -250,6 +250,14 @@ impl Engine {
         }
     }
 
+    /// Tells a limiter how strong its output is to be; see
+    /// [`Processor::attenuate`](asperity_node::Processor::attenuate). Tick thread.
+    pub fn attenuate(&mut self, node: usize, strength: f32) {
+        if node < self.body.schedule.nodes.len() {
+            self.body.slots[node].processor.attenuate(strength);
+        }
+    }
+
     /// Report of a node so far.
     pub fn report(&self, node: usize) -> Option<&NodeReport> {
         Some(&self.nodes().get(node)?.report)

@@ -18,5 +18,5 @@ pub use order::{GateSets, Waiting, gate_sets, steps};
 pub use params::check_settings;
 pub use schedule::{
     BufferEntry, Dropped, LiveParam, PathLatency, Schedule, ScheduledInput, ScheduledNode, ScheduledOutput,
-    Step,
+    SlowestPath, Step,
 };

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use asperity_diagnostics::file::irregular;
+use asperity_diagnostics::file::{irregular, is_stdin};
 use asperity_diagnostics::{Diagnostic, nearest, one_of};
 use asperity_node::{Descriptor, Param, ParamKind, ParamValue, Params, Registry};
 
@@ -90,6 +90,9 @@ fn file(setting: &Setting, text: &str, registry: Option<&Registry>) -> Result<Pa
     let base_is = if setting.typed.is_some() { "where the program runs" } else { "the graph file" };
     let base = value.source().path().parent().unwrap_or(Path::new(""));
     let path = base.join(text);
+    if is_stdin(&path) {
+        return Ok(path);
+    }
     match std::fs::metadata(&path) {
         Ok(meta) => match irregular(&meta) {
             None => Ok(path),

@@ -89,6 +89,8 @@ pub struct LiveParam {
     pub kind: ParamKind,
     /// Its unit, for a person; may be empty.
     pub unit: String,
+    /// Its meaning, in a sentence.
+    pub doc: String,
 }
 
 /// An input of the schedule.
@@ -150,8 +152,6 @@ pub struct Dropped {
 pub struct PathLatency {
     pub from: usize,
     pub to: usize,
-    /// Least latency of any path.
-    pub least: Latency,
     /// Greatest latency of any path.
     pub most: Latency,
     /// Nodes of the path with the greatest latency, including its ends. In a graph with very many long
@@ -159,7 +159,47 @@ pub struct PathLatency {
     pub through: Vec<usize>,
 }
 
+/// The path to a node on which samples come latest, and how late its nodes declare them to be.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SlowestPath {
+    /// Sum of the declared latencies.
+    pub latency: Latency,
+    /// Its nodes, from a source on.
+    pub through: Vec<usize>,
+}
+
 impl Schedule {
+    /// The slowest path to a node.
+    ///
+    /// A latency below 0 counts as 0: it balances windows that reach into the past, and brings no sample to
+    /// the actuator before the hand has moved. The other inputs of a gate open it, and delay nothing.
+    pub fn slowest_path(&self, to: usize) -> SlowestPath {
+        // Nodes are in the order they run. A wire that closes a cycle carries the value of the tick before,
+        // and is left out.
+        let mut late = vec![Latency::ZERO; self.nodes.len()];
+        let mut before = vec![None; self.nodes.len()];
+        for (i, node) in self.nodes.iter().enumerate() {
+            let passed = |(index, _): &(usize, _)| node.gate.is_none_or(|gated| gated == *index);
+            let inputs = node.inputs.iter().enumerate().filter(passed);
+            let sources = inputs.filter_map(|(_, input)| Some(input.from?.0)).filter(|&from| from < i);
+            before[i] = sources.rev().max_by_key(|&from| late[from]);
+            late[i] =
+                before[i].map_or(Latency::ZERO, |from: usize| late[from]) + node.latency.max(Latency::ZERO);
+        }
+        let Some(&latency) = late.get(to) else { return SlowestPath::default() };
+        let mut through: Vec<usize> = std::iter::successors(Some(to), |&at| before[at]).collect();
+        through.reverse();
+        SlowestPath { latency, through }
+    }
+
+    /// The slowest path to an audio output; without one, to any sink. Empty where there is none.
+    pub fn slowest(&self) -> SlowestPath {
+        let audio = self.with_role(Role::AudioOutput).map(|(i, _)| i);
+        let sinks = (0..self.nodes.len()).filter(|&i| self.nodes[i].sink && audio.clone().next().is_none());
+        let paths = audio.clone().chain(sinks).map(|to| self.slowest_path(to));
+        paths.reduce(|a, b| if b.latency > a.latency { b } else { a }).unwrap_or_default()
+    }
+
     /// Index of a node by its name in the graph.
     pub fn index_of(&self, id: &str) -> Option<usize> {
         self.nodes.iter().position(|n| n.id == id)

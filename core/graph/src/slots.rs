@@ -17,6 +17,9 @@ pub(crate) fn read(settings: &[Setting], descriptor: &Descriptor) -> Result<Vec<
 
 fn slot(item: &Value, kind: &str, effect: &Effect) -> Result<Vec<Settings>, Diagnostic> {
     let text = item.text()?;
+    if effect.path_field().is_some() && is_path(text.trim(), kind) {
+        return effect.read(kind, item).map(|settings| vec![settings]);
+    }
     let source = Source::new(item.source().path().to_owned(), text);
     let placed = |span: Span| within(item, text, span);
     let value = ron::parse(&source).map_err(|e| match &e.place {
@@ -31,6 +34,12 @@ fn slot(item: &Value, kind: &str, effect: &Effect) -> Result<Vec<Settings>, Diag
         Kind::List(all) => all.iter().map(|value| effect.read(kind, value)).collect(),
         _ => effect.read(kind, &value).map(|settings| vec![settings]),
     }
+}
+
+/// Whether a text is a path and not a value in RON.
+fn is_path(text: &str, kind: &str) -> bool {
+    let value = text.strip_prefix(kind).unwrap_or(text).trim_start();
+    !value.is_empty() && !value.starts_with(['(', '[', '"']) && !text.ends_with([')', ']', '"'])
 }
 
 /// Place of a part of an item's text in the file. It is the place of the whole item if the file does not
@@ -98,6 +107,9 @@ mod tests {
         assert_eq!(e, "folder/g.ron:1:9: 2 is out of range (from 0 to 1)");
         let e = error("(list: [\"(a:\"])");
         assert!(e.starts_with("folder/g.ron:1:") && e.contains("not valid RON"), "{e}");
+        // A path alone is for effects that need one.
+        let e = error("(list: [\"m.ron\"])");
+        assert!(e.starts_with("folder/g.ron:1:") && !e.contains("m.ron:"), "{e}");
         let e = error("(list: [\"(c: 1)\"])");
         assert!(e.starts_with("folder/g.ron:1:11: unknown field `c`"), "{e}");
     }

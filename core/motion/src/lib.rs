@@ -1,5 +1,5 @@
 //! Motion of the stylus: recorded ([`Trajectory`]) or made ([`Stroke`]).
-//! [`Table`] reads the CSV files of recordings.
+//! [`Table`] reads the files of recordings, and a [`ColumnMap`] says which of their columns is which.
 //!
 //! Both give a [`Sample`] for a time. Positions are in mm with z up. A surface lies in the plane z
 //! = 0, its inside at negative z.
@@ -7,6 +7,7 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
 mod axes;
+mod columns;
 mod read;
 mod stroke;
 mod table;
@@ -14,12 +15,10 @@ mod trajectory;
 mod tremor;
 
 pub use axes::AxisMap;
-pub use read::{
-    DEFAULT_MAX_GAP_S, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S,
-    TrajectoryOptions,
-};
+pub use columns::{Column, ColumnMap, MAX_ABS_ACCELERATION_M_S2, MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
+pub use read::{DEFAULT_MAX_GAP_S, STIFFNESS_N_PER_MM, TrajectoryOptions};
 pub use stroke::{Shape, Stroke, StrokeParams, minimum_jerk};
-pub use table::{Column, Table};
+pub use table::Table;
 pub use trajectory::{Cursor, Interpolation, Trajectory};
 pub use tremor::Tremor;
 

@@ -6,24 +6,20 @@ use std::sync::Arc;
 use asperity_diagnostics::{Diagnostic, Source};
 
 use super::trajectory::slopes;
-use super::{AxisMap, Column, Interpolation, Table, Trajectory};
+use super::{AxisMap, Column, ColumnMap, Interpolation, Table, Trajectory};
 
-/// Largest time in a file, in seconds: room for a Unix time, none for one in milliseconds.
-pub const MAX_ABS_TIME_S: f64 = 1e10;
-/// Largest position on an axis, in mm: 100 m.
-pub const MAX_ABS_POSITION_MM: f64 = 1e5;
-/// Largest recorded force, in N. Either sign, since a sensor at rest reads a little below zero.
-pub const MAX_ABS_FORCE_N: f64 = 1e3;
-/// Largest recorded speed, in mm/s; the least is 0.
-pub const MAX_SPEED_MM_S: f64 = 1e5;
+/// Stiffness of the floor on which a recorded force becomes a depth, in N/mm: that of the shipped graphs.
+pub const STIFFNESS_N_PER_MM: f64 = 0.5;
 /// Gap between rows that is accepted at any rate, in seconds.
 pub const DEFAULT_MAX_GAP_S: f64 = 0.1;
 /// Gap between rows that is accepted in a slow recording, in median steps.
 const MAX_GAP_STEPS: f64 = 5.0;
 
 /// Options of reading a file.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct TrajectoryOptions {
+    /// Columns of the file that do not go by their own names.
+    pub columns: ColumnMap,
     /// Axes of the file.
     pub axes: AxisMap,
     /// Longest time between two rows, in seconds. The default is [`DEFAULT_MAX_GAP_S`] or five median steps,
@@ -33,45 +29,47 @@ pub struct TrajectoryOptions {
     pub interpolation: Interpolation,
 }
 
+const TIME: usize = 0;
+const X: usize = 1;
+const Y: usize = 2;
+const Z: usize = 3;
 const FORCE: usize = 4;
 const SPEED: usize = 5;
-/// Columns; all before the force are required.
-const COLUMNS: [Column; 6] = [
-    Column::within("t_s", MAX_ABS_TIME_S, "s"),
-    Column::within("x_mm", MAX_ABS_POSITION_MM, "mm"),
-    Column::within("y_mm", MAX_ABS_POSITION_MM, "mm"),
-    Column::within("z_mm", MAX_ABS_POSITION_MM, "mm"),
-    Column::within("force_n", MAX_ABS_FORCE_N, "N"),
-    Column { least: 0.0, ..Column::within("speed_mm_s", MAX_SPEED_MM_S, "mm/s") },
-];
+const COLUMNS: [Column; 6] = [Column::TIME, Column::X, Column::Y, Column::Z, Column::FORCE, Column::SPEED];
 const HEADER_HELP: &str =
     "the first line names the columns: `t_s,x_mm,y_mm,z_mm`, and where recorded `force_n`, `speed_mm_s`";
 
 impl Trajectory {
-    /// Reads a CSV file; see [`parse`](Self::parse). Error: as [`Source::read`] and [`parse`](Self::parse).
+    /// Reads a file; see [`parse`](Self::parse). Error: as [`Source::read`] and [`parse`](Self::parse).
     pub fn read(path: impl AsRef<Path>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
         Self::parse(&Source::read(path)?, options)
     }
 
-    /// Reads a CSV text as a [`Table`]. Its columns are `t_s` \[s\], `x_mm`, `y_mm`, `z_mm` \[mm\] and, where
+    /// Reads a text as a [`Table`]. Its columns are `t_s` \[s\], `x_mm`, `y_mm`, `z_mm` \[mm\] and, where
     /// recorded, `force_n` \[N\] and `speed_mm_s` \[mm/s\]. There is a row for each moment, at any rate, also
     /// irregular.
     ///
+    /// Two assumptions replace places that were not recorded:
+    ///
+    /// - Without `z_mm`, the force presses into a floor of [`STIFFNESS_N_PER_MM`] at z = 0. A force below 0
+    ///   counts as 0.
+    /// - Without `x_mm` and `y_mm`, the stylus moves along x at `speed_mm_s` and never turns. The speed
+    ///   changes linearly between rows.
+    ///
     /// # Errors
-    /// Each points at the cell: those of [`Table`]; a missing column; a value beyond the limits of this
-    /// module ([`MAX_ABS_TIME_S`], [`MAX_ABS_POSITION_MM`], [`MAX_ABS_FORCE_N`], 0 to [`MAX_SPEED_MM_S`]); a
-    /// clock that stands still or goes back; a gap longer than `options.max_gap_s`; fewer than two rows.
+    /// Each points at the cell: those of [`Table`]; a missing column; a value beyond the limits of its
+    /// [`Column`]; a clock that stands still or goes back; a gap longer than `options.max_gap_s`; fewer than
+    /// two rows.
     pub fn parse(source: &Arc<Source>, options: &TrajectoryOptions) -> Result<Self, Diagnostic> {
-        let mut table = Table::open(source, &COLUMNS, HEADER_HELP)?;
-        if let Some(missing) = (0..FORCE).find(|column| !table.has(*column)) {
-            let what = format!("the column `{}` is missing", COLUMNS[missing].name);
-            return Err(Diagnostic::new(what).at(source, table.header_end()).help(HEADER_HELP));
-        }
+        let mut table = Table::open(source, &COLUMNS, &options.columns, HEADER_HELP)?;
+        check(&table)?;
+        let (has_place, has_z) = (table.has(X), table.has(Z));
         let [mut force, mut speed] = [FORCE, SPEED].map(|column| table.has(column).then(Vec::new));
         let (mut time, mut position, mut clock) = (Vec::<f64>::new(), Vec::new(), Vec::new());
+        let (mut way_mm, mut speed_before) = (0.0, 0.0);
         let mut row = [0.0; COLUMNS.len()];
         while let Some(span) = table.next_row(&mut row)? {
-            let [t, x, y, z, f, v] = row;
+            let [t, mut x, y, mut z, f, v] = row;
             if let (Some(&before), Some(&span_before)) = (time.last(), clock.last())
                 && t <= before
             {
@@ -81,6 +79,14 @@ impl Trajectory {
                     .label("not later than the row before")
                     .help("`t_s` rises from row to row")
                     .related(source, span_before, "the row before"));
+            }
+            if !has_place {
+                let step = time.last().map_or(0.0, |before| t - before);
+                way_mm += 0.5 * step * (speed_before + v);
+                (x, speed_before) = (way_mm, v);
+            }
+            if !has_z {
+                z = -f.max(0.0) / STIFFNESS_N_PER_MM;
             }
             time.push(t);
             clock.push(span);
@@ -113,8 +119,32 @@ impl Trajectory {
             Interpolation::Linear => Vec::new(),
             Interpolation::Cubic => slopes(&time, &position),
         };
-        Ok(Self { time, position, slope, force, speed })
+        Ok(Self { time, position, slope, force, speed, repeats: false, ignored: table.ignored() })
     }
+}
+
+/// Checks that the columns make a trajectory.
+fn check(table: &Table<'_>) -> Result<(), Diagnostic> {
+    let (place, is_placed) = ([X, Y], table.has(X) || table.has(Y));
+    let mut missing: Vec<usize> = [TIME].into_iter().filter(|column| !table.has(*column)).collect();
+    let mut help = Vec::new();
+    if is_placed || !table.has(SPEED) {
+        missing.extend(place.into_iter().filter(|column| !table.has(*column)));
+    }
+    if !is_placed && !table.has(SPEED) {
+        help.push("`speed_mm_s` alone is a straight line");
+    }
+    if !table.has(Z) && !table.has(FORCE) {
+        missing.push(Z);
+        help.push("`force_n` may stand for `z_mm`");
+    }
+    let names: Vec<String> = missing.iter().map(|column| format!("`{}`", COLUMNS[*column].name)).collect();
+    let what = match &names[..] {
+        [] => return Ok(()),
+        [one] => format!("the column {one} is missing"),
+        [several @ .., last] => format!("the columns {} and {last} are missing", several.join(", ")),
+    };
+    Err(table.lacks(what, &missing, &help.join("; ")))
 }
 
 /// The lower median of the steps of a rising clock with at least two entries.

@@ -17,6 +17,11 @@ pub enum Interpolation {
     Linear,
 }
 
+/// How the stylus goes from the end of a repeated stroke to its start: lift-off, way back, landing \[s\].
+const BACK_S: [f64; 3] = [0.2, 0.5, 0.2];
+/// Height of the way back above both ends \[mm\].
+const BACK_MM: f64 = 10.0;
+
 /// Row of the last sample, so that the next needs no search.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Cursor(usize);
@@ -34,12 +39,38 @@ pub struct Trajectory {
     pub(super) slope: Vec<[f64; 3]>,
     pub(super) force: Option<Vec<f64>>,
     pub(super) speed: Option<Vec<f64>>,
+    /// Whether it begins again at its end.
+    pub(super) repeats: bool,
+    pub(super) ignored: Vec<String>,
 }
 
 impl Trajectory {
     /// Seconds from the first row to the last, above 0.
     pub fn duration_s(&self) -> f64 {
         self.time.last().copied().unwrap_or(0.0)
+    }
+
+    /// The stroke without an end. Where its ends differ, the stylus lifts off, moves back in the air with
+    /// neither force nor speed, and lands at the start, so that nothing jumps.
+    pub fn repeated(mut self) -> Self {
+        let (first, last) = (self.position[0], self.position[self.rows() - 1]);
+        self.repeats = true;
+        if first == last {
+            return self;
+        }
+        let top = first[2].max(last[2]) + BACK_MM;
+        let way = [[last[0], last[1], top], [first[0], first[1], top], first];
+        for (seconds, position) in BACK_S.into_iter().zip(way) {
+            self.time.push(self.duration_s() + seconds);
+            self.position.push(position);
+        }
+        for column in [&mut self.force, &mut self.speed].into_iter().flatten() {
+            column.extend([0.0, 0.0, column[0]]);
+        }
+        if !self.slope.is_empty() {
+            self.slope = slopes(&self.time, &self.position);
+        }
+        self
     }
 
     /// Number of rows, 2 or more.
@@ -57,6 +88,11 @@ impl Trajectory {
         self.speed.is_some()
     }
 
+    /// Columns of the file that nobody reads.
+    pub fn ignored(&self) -> &[String] {
+        &self.ignored
+    }
+
     /// The stylus `t` seconds after the first row. Searches at every call; see
     /// [`sample_from`](Self::sample_from).
     pub fn sample(&self, t: f64) -> Sample {
@@ -69,6 +105,7 @@ impl Trajectory {
     pub fn sample_from(&self, cursor: &mut Cursor, t: f64) -> Sample {
         let last = self.time.len() - 2;
         let t = if t > 0.0 { t } else { 0.0 };
+        let t = if self.repeats && t.is_finite() { t % self.duration_s() } else { t };
         let starts_after = |i: usize| self.time[i] > t;
         let mut row = cursor.0.min(last);
         if starts_after(row) || (row < last && !starts_after(row + 1)) {
@@ -176,6 +213,36 @@ mod tests {
             assert_eq!((s.position[0], s.force, s.speed), (3.0, Some(2.0), Some(10.0)));
         }
         assert_eq!(made(text, Interpolation::Linear).sample(2.0).position, [3.0, 2.5, -1.0]);
+    }
+
+    #[test]
+    fn repeated_stroke_begins_again_without_a_jump() {
+        let text = "t_s,x_mm,y_mm,z_mm,force_n\n0,0,0,-1,1\n0.5,20,0,-2,2\n1,60,10,-1,3\n";
+        for kind in [Interpolation::Cubic, Interpolation::Linear] {
+            let (once, t) = (made(text, kind), made(text, kind).repeated());
+            let lap = t.duration_s();
+            assert!((lap - 1.9).abs() < 1e-12);
+            for i in 0..100 {
+                let at = f64::from(i) * 0.01;
+                assert_eq!(t.sample(at).force, once.sample(at).force);
+                let [a, b] = [t.sample(at), t.sample(at + 3.0 * lap)].map(|s| s.position);
+                assert!((0..3).all(|k| (a[k] - b[k]).abs() < 1e-9), "{a:?} {b:?}");
+            }
+            let before = t.sample(1.0 + BACK_S[0] + 0.5 * BACK_S[1]);
+            assert!(before.position[2] == 9.0 && before.force == Some(0.0), "{before:?}");
+            for i in 0..8000 {
+                let [a, b] = [i, i + 1].map(|i| t.sample(f64::from(i) * 1e-3).position);
+                assert!((0..3).all(|k| (a[k] - b[k]).abs() < 0.3), "{i}: {a:?} {b:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn closed_stroke_repeats_without_a_lift() {
+        let text = "t_s,x_mm,y_mm,z_mm\n0,0,0,-1\n1,9,0,-1\n2,0,0,-1\n";
+        let t = made(text, Interpolation::Cubic).repeated();
+        assert_eq!((t.duration_s(), t.rows()), (2.0, 3));
+        assert_eq!(t.sample(7.0).position, [9.0, 0.0, -1.0]);
     }
 
     #[test]

@@ -207,7 +207,15 @@ impl Effect {
         self.check.as_ref().map_or(Ok(()), |check| check(settings))
     }
 
-    /// Reads settings of the effect of a kind.
+    /// The field that a path alone stands for: a file, if no other field of a single form must be given.
+    pub fn path_field(&self) -> Option<&Param> {
+        let [form] = &self.forms[..] else { return None };
+        let mut required = form.fields.iter().filter(|field| field.default.is_none() && !field.optional);
+        let only = required.next().filter(|field| matches!(field.kind, ParamKind::File));
+        only.filter(|_| required.next().is_none())
+    }
+
+    /// Reads settings of the effect of a kind. A text is the path of its [`path_field`](Self::path_field).
     ///
     /// # Errors
     /// An unknown form or field, a value of the wrong type or out of its range, settings that the effect's
@@ -215,8 +223,10 @@ impl Effect {
     pub fn read(&self, kind: &str, value: &Value) -> Result<Settings, Diagnostic> {
         let form = self.form_of(kind, value)?;
         let name = if form.name.is_empty() { kind } else { form.name.as_ref() };
+        let by_path = self.path_field().filter(|_| matches!(value.kind(), Kind::Text(_)));
         let mut record = match value.kind() {
             Kind::Word(_) => None,
+            Kind::Text(_) if by_path.is_some() => None,
             _ => Some(value.record(name)?),
         };
         let mut params = Params::new(Some(value.place()));
@@ -225,6 +235,7 @@ impl Effect {
             let given = match &mut record {
                 Some(record) if required => record.required(&field.name).map(Some),
                 Some(record) => Ok(record.optional(&field.name)),
+                None if by_path.is_some_and(|path| path.name == field.name) => Ok(Some(value)),
                 None if required => Err(value.error(format!("`{name}` needs the field `{}`", field.name))),
                 None => Ok(None),
             };
@@ -308,6 +319,11 @@ impl Settings {
     /// The form's name; empty for a single form.
     pub fn form(&self) -> &str {
         &self.form
+    }
+
+    /// Sets a field with a number to another one.
+    pub fn set_number(&mut self, field: &str, value: f64) {
+        self.params.set_number(field, value);
     }
 
     /// A field with a structure of its own.

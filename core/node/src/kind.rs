@@ -345,6 +345,12 @@ pub trait Processor: Send {
         self.inner(&mut |node| node.warm(heat));
     }
 
+    /// Limiters only: the part of its input that the limits are applied to, 0 to 1. It is reached at the end
+    /// of the next call. Tick thread.
+    fn attenuate(&mut self, strength: f32) {
+        self.inner(&mut |node| node.attenuate(strength));
+    }
+
     /// Nodes that run elsewhere only, in a plugin or on a thread of their own: takes the fault of the last
     /// call. `ask` reads it. Tick thread.
     fn fault(&mut self) -> Option<Fault> {

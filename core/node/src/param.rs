@@ -201,6 +201,14 @@ impl Params {
         self.entries.push(Entry { name: name.into(), value, place });
     }
 
+    /// Sets a number that has a value to another one.
+    pub(crate) fn set_number(&mut self, name: &str, value: f64) {
+        let entry = self.entries.iter_mut().find(|entry| entry.name == name);
+        if let Some(Entry { value: Some(ParamValue::Number(number)), .. }) = entry {
+            *number = value;
+        }
+    }
+
     /// Sets what the list of an [`Effect`](crate::Effect) holds.
     pub fn set_slots(&mut self, slots: Vec<Vec<Settings>>) {
         self.slots = slots;

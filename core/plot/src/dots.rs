@@ -33,6 +33,8 @@ pub struct Dots {
     pub others: String,
     /// Groups of columns, one under the other, each with a heading. Wide groups continue below.
     pub groups: Vec<(String, Vec<Column>)>,
+    /// Notes at the foot, a line each.
+    pub notes: Vec<String>,
 }
 
 const WIDTH: f64 = 1200.0;
@@ -40,6 +42,7 @@ const MARGIN: f64 = 40.0;
 const ROW: f64 = 23.0;
 const HEAD: f64 = 64.0;
 const FOOT: f64 = 44.0;
+const NOTE: f64 = 17.0;
 const GAP: f64 = 26.0;
 /// Most columns in a band, and greatest width of a label.
 const COLUMNS: usize = 8;
@@ -60,12 +63,17 @@ impl Dots {
             })
             .collect();
         let top = 60.0 + 18.0 * self.subtitles.len() as f64;
-        let height = top + bands.iter().map(|(_, c, _)| self.band_height(c)).sum::<f64>() + 12.0;
+        let bottom = top + bands.iter().map(|(_, c, _)| self.band_height(c)).sum::<f64>();
+        let height = bottom + NOTE * self.notes.len() as f64 + 12.0;
         let mut svg = Svg::chart([WIDTH, height], MARGIN, &self.title, &self.subtitles);
         let mut at = top;
         for (name, columns, room) in bands {
             self.band(&mut svg, at, name, columns, room);
             at += self.band_height(columns);
+        }
+        for (note, line) in self.notes.iter().zip(0_u32..) {
+            let shown = fitting(note, WIDTH - 2.0 * MARGIN, 11.0);
+            svg.text([MARGIN, bottom + NOTE * f64::from(line)], "start", "small", &shown);
         }
         svg.finish()
     }

@@ -53,7 +53,7 @@ impl Fit {
         };
         let pieces = Trace { name: "fitted pieces".into(), dots: dots(&self.pieces), ..Trace::default() };
         let plane = Plot {
-            heading: ("Models".into(), "N".into()),
+            heading: ("Models".into(), "normal force in N".into()),
             x_name: "Speed, mm/s".into(),
             traces: vec![models, pieces],
             ..Plot::default()

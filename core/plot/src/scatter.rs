@@ -80,10 +80,17 @@ impl Scatter {
         let at = |dot: &Dot| panel.at((dot.at[0], dot.at[1]));
         let front = self.line.iter().filter_map(|i| self.dots.get(*i)).map(at);
         svg.path(&polyline(front), &format!("stroke=\"{LINE}\" stroke-width=\"2\" fill=\"none\""));
-        for (i, dot) in self.dots.iter().enumerate().filter(|(_, dot)| dot.at.iter().all(|v| v.is_finite())) {
-            self.draw_dot(&mut svg, at(dot), dot, self.line.contains(&i));
+        // A dot with a label lies on top, so that nobody takes another for it.
+        for labelled in [false, true] {
+            let shown = |(_, dot): &(usize, &Dot)| {
+                dot.at.iter().all(|v| v.is_finite()) && dot.label.is_empty() != labelled
+            };
+            for (i, dot) in self.dots.iter().enumerate().filter(shown) {
+                self.draw_dot(&mut svg, at(dot), dot, self.line.contains(&i));
+            }
         }
         self.draw_arrow(&mut svg, top);
+        let mut taken: Vec<Around> = Vec::new();
         if let Some(floor) = self.floor {
             // A bar as high as the noise floor.
             let height = (y.at(0.0) - y.at(floor)).abs().max(1.0);
@@ -93,31 +100,21 @@ impl Scatter {
             let bar = format!("M{left} {base}V{head}M{foot} {base}h8M{foot} {head}h8");
             svg.path(&bar, "stroke=\"#52606d\" stroke-width=\"1.2\" fill=\"none\"");
             svg.text([x, middle + 4.0], "start", "wire", "less is within noise");
+            taken.push(Around { left: LEFT, right: x + 120.0, top: middle - 8.0, bottom: middle + 8.0 });
         }
         if let Some((height, name)) = &self.reference {
             let line = format!("M{} {}H{}", num(LEFT), num(y.at(*height)), num(RIGHT));
             let style = "stroke-width=\"1.3\" stroke-dasharray=\"6 4\" fill=\"none\"";
             svg.path(&line, &format!("stroke=\"{REFERENCE}\" {style}"));
             svg.text([RIGHT - 4.0, y.at(*height) - 5.0], "end", "wire", name);
+            let (left, line) = (RIGHT - 4.0 - text_width(name, LETTERS), y.at(*height));
+            taken.push(Around { left, right: RIGHT, top: line - 16.0, bottom: line });
         }
-        // Labels stand on the side with more room, each below those that it would cover.
-        let mut taken: Vec<[f64; 2]> = Vec::new();
-        for dot in self.dots.iter().filter(|d| !d.label.is_empty()) {
-            let [cx, cy] = at(dot);
-            if !(cx.is_finite() && cy.is_finite()) {
-                continue;
+        let dots: Vec<[f64; 2]> = self.dots.iter().map(at).collect();
+        for (dot, at) in self.dots.iter().zip(&dots).filter(|(dot, _)| !dot.label.is_empty()) {
+            if at.iter().all(|v| v.is_finite()) {
+                draw_label(&mut svg, &dot.label, *at, top, &dots, &mut taken);
             }
-            let text = fitting(&dot.label, 0.5 * (RIGHT - LEFT) - 24.0, LETTERS);
-            let width = text_width(&text, LETTERS) + 6.0;
-            let on_the_right = cx < 0.5 * (LEFT + RIGHT);
-            let (x, anchor) = if on_the_right { (cx + 9.0, "start") } else { (cx - 9.0, "end") };
-            let from = if on_the_right { x } else { x - width };
-            let mut label = [from, cy + 4.0];
-            while taken.iter().any(|[x, y]| (x - label[0]).abs() < width && (y - label[1]).abs() < 13.0) {
-                label[1] += 13.0;
-            }
-            taken.push(label);
-            svg.text([x, label[1]], anchor, "wire", &text);
         }
         svg.finish()
     }
@@ -151,6 +148,70 @@ impl Scatter {
             num(top - 15.0)
         ));
     }
+}
+
+/// The room that a text takes.
+#[derive(Clone, Copy)]
+struct Around {
+    left: f64,
+    right: f64,
+    top: f64,
+    bottom: f64,
+}
+
+impl Around {
+    fn covers(&self, other: &Self) -> bool {
+        self.left < other.right
+            && other.left < self.right
+            && self.top < other.bottom
+            && other.top < self.bottom
+    }
+
+    fn has(&self, [x, y]: [f64; 2]) -> bool {
+        (self.left..=self.right).contains(&x) && (self.top..=self.bottom).contains(&y)
+    }
+}
+
+/// Writes the label of a dot where it covers the fewest dots and no other text. A line leads to it unless it
+/// stands right beside its dot.
+fn draw_label(
+    svg: &mut Svg,
+    label: &str,
+    [cx, cy]: [f64; 2],
+    top: f64,
+    dots: &[[f64; 2]],
+    taken: &mut Vec<Around>,
+) {
+    let text = fitting(label, 0.5 * (RIGHT - LEFT) - 24.0, LETTERS);
+    let width = text_width(&text, LETTERS);
+    let mut best: Option<(usize, Around, [f64; 2])> = None;
+    for dy in [0.0, -16.0, 16.0, -32.0, 32.0, -48.0, 48.0, -64.0, 64.0, -96.0, 96.0] {
+        for dx in [9.0, 24.0, 48.0, 96.0] {
+            for left in [cx + dx, cx - dx - width] {
+                let around = Around { left, right: left + width, top: cy + dy - 7.0, bottom: cy + dy + 7.0 };
+                let inside =
+                    left >= LEFT && around.right <= RIGHT && around.top >= top && around.bottom <= BOTTOM;
+                // Far from its dot is as bad as a dot that it covers.
+                let covered = dots.iter().filter(|dot| around.has(**dot)).count();
+                let texts = taken.iter().filter(|other| around.covers(other)).count();
+                let far = (dx / 24.0) as usize + (f64::abs(dy) / 32.0) as usize;
+                let cost = 2 * covered + far + 100 * texts + if inside { 0 } else { 1000 };
+                if best.as_ref().is_none_or(|(least, ..)| cost < *least) {
+                    best = Some((cost, around, [dx, dy]));
+                }
+            }
+        }
+    }
+    let Some((_, around, [dx, dy])) = best else { return };
+    let (on_the_right, middle) = (around.left > cx, cy + dy);
+    if dx > 9.0 || dy != 0.0 {
+        let near = if on_the_right { around.left - 3.0 } else { around.right + 3.0 };
+        let line = format!("M{} {}L{} {}", num(cx), num(cy), num(near), num(middle));
+        svg.path(&line, "stroke=\"#1f2933\" stroke-width=\"0.8\" fill=\"none\"");
+    }
+    let (x, anchor) = if on_the_right { (around.left, "start") } else { (around.right, "end") };
+    svg.text([x, middle + 4.0], anchor, "wire", &text);
+    taken.push(around);
 }
 
 #[cfg(test)]
@@ -189,6 +250,27 @@ mod tests {
             assert!(svg.contains(text), "{text}");
         }
         tags(&Scatter::default().to_svg());
+    }
+
+    /// "default" stood beside a hollow dot, and its own lay under others.
+    #[test]
+    fn label_leads_to_its_own_dot_which_lies_on_top() {
+        // A crowd around the dot with the label, some of it hollow.
+        let crowd = (0..30).map(|i| Dot {
+            mark: if i % 2 == 0 { Mark::Out } else { Mark::Plain },
+            ..dot(5.0 + 0.02 * f64::from(i % 6), 3.0 + 0.03 * f64::from(i / 6), "")
+        });
+        let mut dots = vec![dot(5.05, 3.06, "default"), dot(0.0, 0.0, ""), dot(10.0, 6.0, "")];
+        dots.extend(crowd);
+        let svg = Scatter { dots, ..Scatter::default() }.to_svg();
+        let places = |what: &str| svg.match_indices(what).map(|(at, _)| at).collect::<Vec<_>>();
+        let own = svg.find("<title>&lt;5.05&gt;").unwrap();
+        assert!(places("<circle").into_iter().all(|circle| circle < own), "its dot is the last");
+        let label = svg.find(">default</text>").unwrap();
+        let line = svg[own..label].rfind("<path d=\"M").expect("a line leads to the label");
+        let circle = svg[..own].rfind("cx=\"").unwrap();
+        let cx = svg[circle + 4..own].split('"').next().unwrap();
+        assert!(svg[own + line..].starts_with(&format!("<path d=\"M{cx} ")), "from its dot");
     }
 
     #[test]

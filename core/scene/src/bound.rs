@@ -117,14 +117,34 @@ impl fmt::Display for Passivity {
         }
         write!(
             f,
-            " take more than {:.3} N s/m; the device has {:.3}: {} by {:.3}; the limit is {:.3} N/mm",
+            " take more than {:.3} N s/m; the device has {:.3}: {} by {:.3}",
             self.needed_ns_per_m,
             self.device_ns_per_m,
             if self.holds() { "passive" } else { "not passive" },
             self.margin_ns_per_m.abs(),
-            self.stiffest_n_per_mm,
         )
     }
+}
+
+/// The largest number of two digits that is below `limit`, a positive number.
+pub fn below(limit: f64) -> f64 {
+    two_digits(limit * (1.0 - 1e-9), f64::floor)
+}
+
+/// The least number of two digits that is above `limit`, a positive number.
+pub fn above(limit: f64) -> f64 {
+    two_digits(limit * (1.0 + 1e-9), f64::ceil)
+}
+
+fn two_digits(x: f64, rounded: fn(f64) -> f64) -> f64 {
+    if !(x > 0.0 && x.is_finite()) {
+        return 0.0;
+    }
+    let digits = 1 - x.log10().floor() as i32;
+    // The text of a number in decimal is read back as it is.
+    format!("{:.*}", digits.max(0) as usize, rounded(x * 10f64.powi(digits)) / 10f64.powi(digits))
+        .parse()
+        .unwrap_or(0.0)
 }
 
 /// Stiffness \[N/mm\] below which a law with damping `damping_ns_per_m` is passive on a device with

@@ -77,6 +77,9 @@ fn wall(
     Ok(Some(Placed { of, place: value.place() }))
 }
 
+/// Kind of a texture that is written as the path of its file alone.
+const FROM_FILE: &str = "autoregressive";
+
 /// Reads the field `texture`: one texture or a list of them.
 fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
     let all = value.list().unwrap_or_else(|_| std::slice::from_ref(value));
@@ -84,17 +87,20 @@ fn textures(value: &Value, effects: &mut Effects) -> Result<(), Diagnostic> {
         return Err(value.error("an empty list of textures").help("leave `texture` out, or name one"));
     }
     for value in all {
-        let (Kind::Word(kind) | Kind::Record { name: Some(kind), .. }) = value.kind() else {
-            return Err(value
-                .error(format!("expected a texture, found {}", value.describe()))
-                .help("texture: network, or texture: relief(heights: ...)"));
+        let (kind, name) = match value.kind() {
+            Kind::Word(kind) | Kind::Record { name: Some(kind), .. } => (kind.as_str(), word(value, kind)),
+            Kind::Text(_) => (FROM_FILE, value.place()),
+            _ => {
+                return Err(value
+                    .error(format!("expected a texture, found {}", value.describe()))
+                    .help("texture: network, texture: \"FILE.ron\", or texture: relief(heights: ...)"));
+            }
         };
-        let name = word(value, kind);
-        if let (NETWORK, Some(first)) = (kind.as_str(), effects.place(NETWORK)) {
+        if let (NETWORK, Some(first)) = (kind, effects.place(NETWORK)) {
             let second = error(&value.place(), "two network textures of one material");
             return Err(second.related(&first.source, first.span, "the other"));
         }
-        effects.named.push(Named { kind: kind.clone(), name, texture: true, value: value.clone() });
+        effects.named.push(Named { kind: kind.to_owned(), name, texture: true, value: value.clone() });
     }
     Ok(())
 }

@@ -150,7 +150,8 @@ fn stiffness_beyond_the_passive_limit_is_found_with_numbers() {
     // Damping counts in full.
     assert_eq!(at("damping_ns_per_m: 1", 500, &format!("{WALL}, damping: (damping_ns_per_m: 0.6)")).len(), 1);
     // 0.004 s/mm of 3.3 N are 13.2 N s/m.
-    let found = at("damping_ns_per_m: 10", 500, &format!("{WALL}, friction: viscous_coulomb"));
+    let steep = format!("{WALL}, friction: viscous_coulomb(viscosity_s_per_mm: 0.004)");
+    let found = at("damping_ns_per_m: 10", 500, &steep);
     assert!(found.len() == 1 && found[0].message.contains("13.2"), "{found:?}");
     // Laws along one direction add up: three of 1.9 N s/m are 5.7.
     let three = "stiffness: (stiffness_n_per_mm: 1.9), magnet: (stiffness_n_per_mm: 1.9, \

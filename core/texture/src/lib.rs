@@ -33,12 +33,13 @@ mod reference;
 mod round;
 mod runner;
 mod signature;
+pub mod statistics;
 #[cfg(test)]
 mod tests;
 mod trained;
 
 pub use asperity_dsp::Isa;
-pub use encoder::Encoder;
+pub use encoder::{Channels, Encoded, Encoder};
 pub use library::{
     Assignment, BLENDED, Events, Harmonic, Library, LibraryMaterial, MAX_HARMONICS, MAX_WAVES, Neighbour,
     Pattern, VECTOR_LEN, Wave,

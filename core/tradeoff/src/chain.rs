@@ -259,14 +259,8 @@ fn framing(schedule: &Schedule, (node, output): (usize, usize)) -> Option<Framin
 
 impl Places {
     fn new(schedule: &Schedule, registry: &Registry) -> Result<Self, Diagnostic> {
-        let nodes = schedule.nodes.iter().enumerate();
-        let outputs = nodes.flat_map(|(i, n)| (0..n.outputs.len()).map(move |o| (i, o)));
-        let audio = |&(i, o): &(usize, usize), units: &[Unit]| {
-            let port = &schedule.nodes[i].outputs[o].port;
-            port.shape == Shape::Audio { rate_hz: schedule.audio_hz } && units.contains(&port.unit)
-        };
-        let felt = outputs.clone().rfind(|at| audio(at, &[Unit::METRE_PER_SECOND_SQUARED]));
-        let drive = outputs.clone().rfind(|at| audio(at, &[Unit::AMPERE, Unit::VOLT]));
+        let felt = last(schedule, &[Unit::METRE_PER_SECOND_SQUARED], |_| true);
+        let drive = last(schedule, &[Unit::AMPERE, Unit::VOLT], |_| true);
         let mut it = Self { felt, drive, ..Self::default() };
         it.plant = it.drive.map(|at| plant(schedule, at)).transpose()?.flatten();
         for (i, node) in schedule.nodes.iter().enumerate() {
@@ -286,6 +280,15 @@ impl Places {
         }
         Ok(it)
     }
+}
+
+/// The last signal of some of the nodes at the audio rate, in one of these units.
+fn last(schedule: &Schedule, units: &[Unit], among: impl Fn(usize) -> bool) -> At {
+    let nodes = schedule.nodes.iter().enumerate().filter(|(i, _)| among(*i));
+    let outputs =
+        nodes.flat_map(|(i, node)| node.outputs.iter().enumerate().map(move |(o, it)| ((i, o), &it.port)));
+    let audio = Shape::Audio { rate_hz: schedule.audio_hz };
+    outputs.filter(|(_, port)| port.shape == audio && units.contains(&port.unit)).map(|(at, _)| at).last()
 }
 
 /// The actuator of the last stage before the coil.
@@ -345,7 +348,12 @@ impl Chain {
     /// Those of the compiler; a graph without a stylus.
     pub fn stepped(graph: &GraphFile, registry: &Registry) -> Result<Self, Diagnostic> {
         let paths = stepped_paths(Patch::of(graph, registry).unwrap_or(None).as_ref());
-        Self::new(graph, registry, paths.into(), Options::default())
+        let mut it = Self::new(graph, registry, paths.into(), Options::default())?;
+        // Of several actuators the slowest is measured.
+        let path = it.schedule.slowest().through;
+        let on_path = last(&it.schedule, &[Unit::METRE_PER_SECOND_SQUARED], |node| path.contains(&node));
+        it.places.felt = on_path.or(it.places.felt);
+        Ok(it)
     }
 
     /// Response lag \[ms\]: from a step from 40 to 121 mm/s until 10, 50 and 90 % of the change of level,

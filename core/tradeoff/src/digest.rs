@@ -21,7 +21,11 @@ pub(crate) fn of_all(job: &Job<'_>, settings: &[Setting<'_>], material: Option<&
         format!("{} {} {:?}", b.strength, b.file.source.text(), Fragment::between(b, &b.graph))
     };
     let graphs: Vec<String> = job.bases.iter().chain(job.baselines).map(graph).collect();
-    let strokes: Vec<String> = t.strokes.iter().filter_map(|s| s.file().map(content)).collect();
+    let strokes: Vec<String> = t
+        .strokes
+        .iter()
+        .filter_map(|s| s.file().map(|file| format!("{} {:?}", content(file), s.columns)))
+        .collect();
     let ways = (t.seed, t.lenient, settings.len(), job.cases, &job.machine.build);
     let files = files(settings, material);
     of_bytes(format!("{ways:?} {} {graphs:?} {strokes:?} {files:?}", t.source.text()).as_bytes())

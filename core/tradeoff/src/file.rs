@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::ron::{self, Value};
 use asperity_diagnostics::{Diagnostic, Place, Source, Span};
+use asperity_motion::ColumnMap;
 
 use crate::knob::Knob;
 use crate::stroke::StrokeDecl;
@@ -101,6 +102,12 @@ impl Tradeoff {
     /// Whether a text begins as a trade-off file, or as an old one.
     pub fn is_meant(source: &Source) -> bool {
         ron::first_word(source).is_some_and(|word| WORDS.contains(&word))
+    }
+
+    /// Names the columns of the strokes whose `map` the file leaves out.
+    pub fn map_columns(&mut self, map: &ColumnMap) {
+        let strokes = self.strokes.iter_mut().filter(|s| s.file().is_some() && s.columns.is_empty());
+        strokes.for_each(|stroke| stroke.columns = map.clone());
     }
 
     /// Reads a trade-off from a text. Knobs, materials and files are checked later, by [`Prepared::new`].

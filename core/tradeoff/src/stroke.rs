@@ -7,7 +7,7 @@ use asperity_data::felt::Hand;
 use asperity_data::recordings;
 use asperity_diagnostics::ron::Value;
 use asperity_diagnostics::{Diagnostic, Place};
-use asperity_motion::{self, Shape, StrokeParams, TrajectoryOptions};
+use asperity_motion::{self, ColumnMap, Shape, StrokeParams, TrajectoryOptions};
 
 use crate::accuracy::Truth;
 use crate::chain::Path3;
@@ -19,6 +19,8 @@ pub(crate) struct StrokeDecl {
     pub place: Place,
     /// The material of a recording.
     pub material: Option<(String, Place)>,
+    /// Columns of its file that do not go by their own names.
+    pub columns: ColumnMap,
     from: From,
 }
 
@@ -85,11 +87,16 @@ fn renamed(mut e: Diagnostic) -> Diagnostic {
 
 impl StrokeDecl {
     /// Reads `(name: "..", file: "..")`, `(name: "..", recording: "..", material: "..")`, or
-    /// `(name: "..", shape: circle, ..)` with parameters of the node `stroke`.
+    /// `(name: "..", shape: circle, ..)` with parameters of the node `stroke`. Beside a file may stand
+    /// `map: ["force_n=Fz:N"]`.
     pub(crate) fn read(value: &Value) -> Result<Self, Diagnostic> {
         let mut record = value.record("Stroke")?;
         let name = record.required("name")?.text()?.to_owned();
-        let it = |from, material| Self { name, place: value.place(), material, from };
+        let map = record.optional("map");
+        let texts = map.map_or(Ok(&[][..]), Value::list)?.iter().map(Value::text);
+        let texts = texts.collect::<Result<Vec<&str>, _>>()?;
+        let columns = ColumnMap::parse(&texts).map_err(|e| e.at_place(&map.unwrap_or(value).place()))?;
+        let it = |from, material| Self { name, place: value.place(), material, columns, from };
         if let Some(file) = record.optional("file") {
             let file = From::File(file.path()?);
             return record.finish().map(|()| it(file, None));
@@ -98,6 +105,9 @@ impl StrokeDecl {
             let material = record.optional("material").map(|m| Ok((m.text()?.to_owned(), m.place())));
             let (file, material) = (From::Recording(file.path()?), material.transpose()?);
             return record.finish().map(|()| it(file, material));
+        }
+        if let Some(map) = map {
+            return Err(map.error("a made stroke has no columns to map").help("leave `map` out"));
         }
         let d = StrokeParams::default();
         let shape = match record.optional("shape") {
@@ -166,14 +176,14 @@ impl StrokeDecl {
                 (params.duration_s, Arc::new(move |t| made.sample(t).position), Known::Hand(hand))
             }
             From::File(path) => {
-                let trajectory =
-                    asperity_motion::Trajectory::read(path, &TrajectoryOptions::default()).map_err(here)?;
+                let options = TrajectoryOptions { columns: self.columns.clone(), ..Default::default() };
+                let trajectory = asperity_motion::Trajectory::read(path, &options).map_err(here)?;
                 let hand = Hand::trajectory(&trajectory).map_err(|e| here(e.in_file(path)))?;
                 let seconds = trajectory.duration_s();
                 (seconds, Arc::new(move |t| trajectory.sample(t).position), Known::Hand(hand))
             }
             From::Recording(path) => {
-                let recording = recordings::recording(path).map_err(here)?;
+                let recording = recordings::recording(path, &self.columns).map_err(here)?;
                 let mut felt = Truth::default();
                 felt.add(&recording.felt.axes(), recording.felt.rate_hz)
                     .map_err(|e| here(Diagnostic::new(e.to_string()).in_file(path)))?;

@@ -32,7 +32,7 @@ pub struct CardArgs {
     /// Audio host: alsa, jack, pulseaudio, simulated; `asperity devices` lists them
     #[arg(long, value_name = "HOST")]
     pub host: Option<String>,
-    /// Device to play on: its name, its id, or HOST:ID. By default the host's; a named one is never replaced
+    /// Device to play on: name, id, or HOST:ID; by default the host's default. No other device replaces it
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
     /// Requested buffer size in frames. The device may choose another
@@ -41,10 +41,10 @@ pub struct CardArgs {
     /// Sample format of the device: f32, i16, i24, i32
     #[arg(long, value_name = "FORMAT")]
     pub device_format: Option<String>,
-    /// File of the actuator and amplifier behind each channel; by default your own. No graph can exceed it
+    /// File that `asperity setup` wrote, whose limits no graph can exceed; by default your own
     #[arg(long, value_name = "FILE")]
     pub machine: Option<PathBuf>,
-    /// Share the actuator with another run: each gets half of every limit, and both must use --share
+    /// Share the actuator with another run. Both need --share, and each gets half of every limit
     #[arg(long)]
     pub share: bool,
 }
@@ -54,16 +54,16 @@ pub struct CardArgs {
 pub struct DeviceArgs {
     #[command(flatten)]
     pub card: CardArgs,
-    /// Channel of the device, from 1; one for each `audio_out` of the graph, such as 3,4
+    /// Channels of the device, from 1: one for each `audio_out` of the graph, such as 3,4
     #[arg(long, value_name = "N,...", value_delimiter = ',', value_parser = channel)]
     pub channel: Vec<u16>,
-    /// Device to record from, for `audio_in`; by default the same host's default
+    /// Device to record from, for `audio_in`; by default the host's default input
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
-    /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
+    /// Clock of the ticks. By default `callback` if a buffer is at most a tick long, else `paced`
     #[arg(long, value_enum)]
     pub clock: Option<ClockKind>,
-    /// Give up when the device is lost, instead of waiting for it
+    /// End the run when the device is lost, instead of waiting for it
     #[arg(long)]
     pub no_reconnect: bool,
 }
@@ -76,7 +76,7 @@ pub struct OutputArgs {
     /// Channel of the device, from 1; by default 1
     #[arg(long, value_name = "N", value_parser = channel)]
     pub channel: Option<u16>,
-    /// Clock of the ticks; by default callback for buffers of at most a tick, else paced
+    /// Clock of the ticks. By default `callback` if a buffer is at most a tick long, else `paced`
     #[arg(long, value_parser = audio_clock())]
     pub clock: Option<ClockKind>,
 }
@@ -118,10 +118,10 @@ fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
 /// The actuator, and the amplifier before it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ActuatorArgs {
-    /// The actuator whose limits hold: a shipped profile or a .ron file
+    /// Actuator whose limits apply: a shipped profile or a .ron file
     #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
     pub profile: String,
-    /// Mass of the handle that it is fixed to
+    /// Mass of the handle that holds the actuator
     #[arg(long, default_value_t = 100.0, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub handle_mass_g: f64,
     /// Peak volts of the card at full scale

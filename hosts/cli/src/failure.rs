@@ -146,11 +146,28 @@ fn open_files(message: &str) -> Option<&'static str> {
     })
 }
 
+/// Whether a file goes to the standard output, so that all texts go to the standard error.
+static TAKEN: AtomicBool = AtomicBool::new(false);
+
+/// From now on, texts go to the standard error: a file goes to the standard output.
+pub fn standard_output_is_taken() {
+    TAKEN.store(true, Ordering::Relaxed);
+}
+
 /// Prints to the standard output. If its reader has gone, the program ends quietly.
 pub fn print(text: &str) -> Result<(), Failure> {
     use std::io::Write as _;
+    if TAKEN.load(Ordering::Relaxed) {
+        complain(text);
+        return Ok(());
+    }
     let mut out = std::io::stdout().lock();
-    match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
+    written(out.write_all(text.as_bytes()).and_then(|()| out.flush()))
+}
+
+/// The outcome of writing to the standard output. If its reader has gone, the program ends quietly.
+pub fn written(done: std::io::Result<()>) -> Result<(), Failure> {
+    match done {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => crate::leave::now(0),
         Err(e) => Err(Failure::Machine(format!("cannot write to the standard output: {e}"))),
         Ok(()) => Ok(()),

@@ -11,6 +11,7 @@ mod commands;
 mod failure;
 mod heap;
 mod kinds;
+mod lag;
 mod leave;
 mod load;
 mod machine;
@@ -24,21 +25,21 @@ use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Isa;
-use clap::Parser;
+use clap::{FromArgMatches as _, Parser};
 
 use commands::Command;
 use failure::Failure;
 
 /// Haptic rendering as a real-time dataflow graph.
 #[derive(Debug, Parser)]
-#[command(name = "asperity", version, about, max_term_width = 100)]
+#[command(name = "asperity", version = VERSION, about, max_term_width = 100)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,
-    /// Most memory that files and graphs may take; by default half of the machine's
+    /// Memory limit for files and graphs; by default half of the machine's memory
     #[arg(long, global = true, value_name = "N MiB|GiB", value_parser = number::memory)]
     memory: Option<u64>,
-    /// Use only vector instructions that every CPU has: slower, with the same result to the last bit
+    /// Use only vector instructions that every CPU has. Slower, with the same output
     #[arg(long, global = true)]
     portable: bool,
     /// Let a graph overwrite files that Asperity did not make
@@ -46,9 +47,12 @@ pub(crate) struct Cli {
     overwrite: bool,
 }
 
+/// Version, commit and features.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ASPERITY_BUILD"), ")");
+
 fn main() -> ExitCode {
     simulated::register();
-    let cli = Cli::parse();
+    let cli = Cli::from_arg_matches(&commands::command().get_matches()).unwrap_or_else(|e| e.exit());
     let _staying = leave::on_purpose_only();
     leave::not_for_a_long_file();
     heap::limit(cli.memory);

@@ -12,7 +12,7 @@ use parking_lot::Mutex;
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
-use crate::layout::{layout, scopes};
+use crate::layout::{ACCELERATION, layout, scopes};
 use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
 use crate::player::{Hand, MicReader, NodeMeters, Player, Scope, TapeReader, Wiring, tape};
 use crate::timeline::Timeline;
@@ -146,6 +146,7 @@ pub fn prepare_live(
     let output_limits = OutputLimits::new(&compiled, places(&schedule, &outs));
     let (controller, engine) = Engine::controlled(compiled, options);
     let (mut sent, wiring) = wire(0, graph, schedule, queues, None, materials);
+    sent.layout.peak_drive = output_limits.peak();
     let limits = device_limits(output_limits);
     let (wirings, to_player) = HeapRb::new(8).split();
     let (from_player, retired) = HeapRb::new(8).split();
@@ -203,6 +204,7 @@ impl GraphController {
         let number = self.sent.swap + 1;
         let (mut sent, wiring) = wire(number, graph, schedule, queues, Some(&self.sent), materials);
         let output_limits = OutputLimits::new(&compiled, places(&compiled.schedule, &sent.channels));
+        sent.layout.peak_drive = output_limits.peak();
         // Sent first, so that it is there in the tick that takes the graph over.
         if self.wirings.try_push(wiring).is_err() {
             return Err(SwapError::Busy);
@@ -349,7 +351,7 @@ fn wire(
     let (mut scopes_out, mut scopes_in) = (Vec::new(), Vec::new());
     for ((node, output), scope) in scopes(&schedule) {
         let (to, from) = HeapRb::new((f64::from(scope.rate_hz) * SCOPE_S) as usize + 1).split();
-        scopes_out.push(Scope { node, output, to });
+        scopes_out.push(Scope { node, output, attenuated: scope.name == ACCELERATION, to });
         scopes_in.push(from);
     }
     let (mut tapes_out, mut tapes_in) = (Vec::new(), Vec::new());

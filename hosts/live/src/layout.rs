@@ -5,6 +5,9 @@ use asperity_node::{Latency, ParamKind, ParamValue, PortType, Role, Shape, Unit}
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, ScopeLayout};
 
+/// Scope of what the texture models ask for, before the limiters.
+pub(crate) const ACCELERATION: &str = "acceleration";
+
 /// Signal of a scope: node and output.
 pub(crate) type Signal = (usize, usize);
 
@@ -32,7 +35,7 @@ pub(crate) fn scopes(schedule: &Schedule) -> Vec<(Signal, ScopeLayout)> {
     let wanted = [
         ("speed", Unit::MILLIMETRE_PER_SECOND, false),
         ("force", Unit::NEWTON, false),
-        ("acceleration", Unit::METRE_PER_SECOND_SQUARED, true),
+        (ACCELERATION, Unit::METRE_PER_SECOND_SQUARED, true),
         ("current", Unit::AMPERE, true),
         ("voltage", Unit::VOLT, true),
     ];
@@ -72,6 +75,7 @@ pub(crate) fn layout(
         wires: wires.collect(),
         scopes: scopes(schedule).into_iter().map(|(_, s)| s).collect(),
         materials,
+        peak_drive: None,
     }
 }
 
@@ -94,6 +98,7 @@ fn live(param: &LiveParam, value: &ParamValue) -> Option<LiveLayout> {
     };
     Some(LiveLayout {
         name: param.name.clone(),
+        doc: param.doc.clone(),
         unit: param.unit.clone(),
         value,
         least,
@@ -120,38 +125,14 @@ fn reach(value: f64, [least, most]: [f64; 2]) -> Option<[f64; 2]> {
     (most - least > 4.0 * (part[1] - part[0])).then_some(part)
 }
 
-/// Nodes on the path of most delay to an audio output, each with its milliseconds.
-///
-/// A latency is the time from a position of the hand to the sound of its sample. The response lag of a
-/// texture to a change of speed is another figure: its windows reach into the past, and the latencies that
-/// nodes declare balance this with samples that they emit early. So only nodes that delay samples count
-/// here.
+/// Nodes that delay samples on the slowest path to an audio output, each with its milliseconds.
 pub(crate) fn latency(schedule: &Schedule) -> Vec<(String, f64)> {
-    let late = |i: usize| schedule.nodes[i].latency.max(Latency::ZERO).ms();
-    // Nodes are in the order they run. A wire that closes a cycle carries the value of the tick before, and
-    // is left out.
-    let mut sums = vec![0.0; schedule.nodes.len()];
-    let mut before = vec![None; schedule.nodes.len()];
-    for (i, node) in schedule.nodes.iter().enumerate() {
-        let sources = node.inputs.iter().filter_map(|input| Some(input.from?.0)).filter(|&from| from < i);
-        before[i] = sources.max_by(|&a: &usize, &b: &usize| f64::total_cmp(&sums[a], &sums[b]));
-        sums[i] = before[i].map_or(0.0, |from: usize| sums[from]) + late(i);
+    if schedule.with_role(Role::AudioOutput).next().is_none() {
+        return Vec::new();
     }
-    let sinks = schedule.with_role(Role::AudioOutput).map(|(i, _)| i);
-    let Some(mut at) = sinks.max_by(|&a, &b| f64::total_cmp(&sums[a], &sums[b])) else { return Vec::new() };
-    let mut items = Vec::new();
-    loop {
-        if late(at) > 0.0 {
-            let node = &schedule.nodes[at];
-            items.push((format!("graph: `{}` ({})", node.id, node.kind), late(at)));
-        }
-        match before[at] {
-            Some(from) => at = from,
-            None => break,
-        }
-    }
-    items.reverse();
-    items
+    let nodes = schedule.slowest().through.into_iter().map(|i| &schedule.nodes[i]);
+    let late = nodes.filter(|node| node.latency > Latency::ZERO);
+    late.map(|node| (format!("graph: `{}` ({})", node.id, node.kind), node.latency.ms())).collect()
 }
 
 #[cfg(test)]
@@ -159,7 +140,7 @@ mod tests {
     use super::*;
 
     fn of(kind: ParamKind, value: &ParamValue) -> Option<LiveLayout> {
-        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into() }, value)
+        live(&LiveParam { name: "p".into(), index: 3, kind, unit: "mm".into(), doc: String::new() }, value)
     }
 
     #[test]

@@ -85,6 +85,11 @@ impl OutputLimits {
         self.changed
     }
 
+    /// Largest drive of the first channel that plays \[A or V\].
+    pub fn peak(&self) -> Option<f64> {
+        self.channels.iter().flatten().map(|c| c.guard.peak()).next()
+    }
+
     /// State of each channel's coil; `None` for a silent channel.
     pub fn standing(&self) -> Vec<Option<Standing>> {
         let of = |c: &Channel| Standing {

@@ -1,7 +1,7 @@
 //! Control of a run from any thread: mute it, stop it, request a change.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 use parking_lot::Mutex;
 
@@ -17,11 +17,24 @@ const REQUESTS: usize = 256;
 #[derive(Clone, Debug, Default)]
 pub struct RunControl(Arc<Held>);
 
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct Held {
     muted: AtomicBool,
+    /// Bits of an f32.
+    strength: AtomicU32,
     stopping: Arc<AtomicBool>,
     requests: Mutex<Vec<Request>>,
+}
+
+impl Default for Held {
+    fn default() -> Self {
+        Self {
+            muted: AtomicBool::default(),
+            strength: AtomicU32::new(1.0_f32.to_bits()),
+            stopping: Arc::default(),
+            requests: Mutex::default(),
+        }
+    }
 }
 
 /// Why a request is refused.
@@ -60,6 +73,18 @@ impl RunControl {
         self.0.muted.load(Relaxed)
     }
 
+    /// Sets the strength of the output from 0 to 1: a factor before every limiter, which it reaches within
+    /// 20 ms. Limits stay what they are.
+    pub fn set_strength(&self, strength: f32) {
+        let strength = if strength.is_nan() { 0.0 } else { strength.clamp(0.0, 1.0) };
+        self.0.strength.store(strength.to_bits(), Relaxed);
+    }
+
+    /// The strength of the output; at first 1. Never waits.
+    pub fn strength(&self) -> f32 {
+        f32::from_bits(self.0.strength.load(Relaxed))
+    }
+
     /// Ramps the output down within 15 ms, for good. The owner of the run must end it then.
     pub fn stop(&self) {
         self.0.stopping.store(true, Relaxed);
@@ -96,6 +121,16 @@ impl RunControl {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn strength_stays_within_0_and_1() {
+        let run_control = RunControl::default();
+        assert_eq!(run_control.strength(), 1.0);
+        for (asked, is) in [(0.4, 0.4), (7.0, 1.0), (-1.0, 0.0), (f32::NAN, 0.0), (f32::INFINITY, 1.0)] {
+            run_control.set_strength(asked);
+            assert_eq!(run_control.strength(), is, "{asked}");
+        }
+    }
 
     fn set(param: &str, value: f64) -> Request {
         Request::Set { node: "gain".into(), param: param.into(), value }

@@ -1,6 +1,8 @@
 //! Figures of a running graph for a page, a terminal or a report.
 #![allow(missing_docs, reason = "fields without a doc say it all by their name")]
 
+use std::path::PathBuf;
+
 use serde::Serialize;
 
 /// The running graph. Changes only when another graph takes over.
@@ -17,6 +19,8 @@ pub struct Layout {
     pub scopes: Vec<ScopeLayout>,
     /// Textures that a person may choose, by node.
     pub materials: Vec<Materials>,
+    /// Largest drive of the first actuator \[A or V\].
+    pub peak_drive: Option<f64>,
 }
 
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -46,6 +50,8 @@ pub struct LiveLayout {
     /// Words of a choice, `off` and `on` of a flag; empty for a number.
     pub words: Vec<String>,
     pub unit: String,
+    /// Its meaning, in a sentence.
+    pub doc: String,
 }
 
 /// A signal on a scope.
@@ -69,6 +75,21 @@ pub struct Materials {
     pub node: String,
     pub chosen: String,
     pub names: Vec<String>,
+    /// The same materials as a person knows them; a layout does not carry them to a page.
+    #[serde(skip)]
+    pub gallery: Vec<Material>,
+}
+
+/// A material of a library for a person.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Material {
+    pub name: String,
+    pub family: String,
+    pub description: String,
+    #[serde(skip)]
+    pub picture: Option<PathBuf>,
+    /// Width of the picture on the material \[mm\], if the library says it.
+    pub picture_mm: Option<f64>,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -94,6 +115,8 @@ pub struct View {
     pub layout: u64,
     pub condition: Condition,
     pub muted: bool,
+    /// Strength of the output, 0 to 1.
+    pub strength: f32,
     /// Clock of the ticks: `callback`, `paced`, `timer`.
     pub clock: String,
     /// Name of the device; empty for none.

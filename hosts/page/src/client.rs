@@ -77,9 +77,13 @@ async fn listen(
                 if !asks.take() {
                     return (close_code::POLICY, "too many requests");
                 }
-                if let Err(why) = pass(ask, shared) {
+                let answer = match ask {
+                    Ask::Echo(ms) => Some(serde_json::json!({ "echo": ms })),
+                    ask => pass(ask, shared).err().map(|why| serde_json::json!({ "refused": why })),
+                };
+                if let Some(answer) = answer {
                     // A page that does not read its answers loses them.
-                    let _ = answers.try_send(serde_json::json!({ "refused": why }).to_string());
+                    let _ = answers.try_send(answer.to_string());
                 }
             }
             Message::Binary(bytes) => match wire::told(&bytes) {
@@ -106,6 +110,11 @@ fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
             shared.run_control.mute(mute);
             return Ok(());
         }
+        Ask::Strength(strength) => {
+            shared.run_control.set_strength(strength);
+            return Ok(());
+        }
+        Ask::Echo(_) => return Ok(()),
         Ask::Stop => {
             shared.run_control.stop();
             return Ok(());

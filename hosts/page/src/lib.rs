@@ -17,6 +17,7 @@ mod client;
 mod door;
 mod feed;
 mod hand;
+mod pictures;
 mod server;
 mod wire;
 

@@ -24,7 +24,7 @@ use tokio::time::timeout;
 use crate::door::{Door, Visitor};
 use crate::feed::Feed;
 use crate::hand::Hand;
-use crate::{client, door, wire};
+use crate::{client, door, pictures, wire};
 
 /// Most pages at a time. One more gets 503.
 pub const PAGES: usize = 16;
@@ -203,6 +203,9 @@ async fn answer(stream: TcpStream, router: Router, visitor: Visitor) {
 
 fn router(shared: &Arc<Shared>) -> Router {
     let mut router = Router::new().route("/ws", get(watch)).route("/places", get(places));
+    router = router
+        .route("/materials", get(pictures::materials))
+        .route("/picture/{node}/{name}", get(pictures::picture));
     for (path, kind, text) in FILES {
         let body = with_token(text, &shared.token);
         let answer = move || async move { ([(header::CONTENT_TYPE, *kind)], body) };
@@ -245,6 +248,15 @@ const FILES: &[(&str, &str, &str)] = &[
     ("/page.css", "text/css; charset=utf-8", include_str!("../static/page.css")),
     ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg")),
     ("/main.js", SCRIPT, include_str!("../static/main.js")),
+    ("/tabs.js", SCRIPT, include_str!("../static/tabs.js")),
+    ("/gallery.js", SCRIPT, include_str!("../static/gallery.js")),
+    ("/quilt.js", SCRIPT, include_str!("../static/quilt.js")),
+    ("/setting.js", SCRIPT, include_str!("../static/setting.js")),
+    ("/levels.js", SCRIPT, include_str!("../static/levels.js")),
+    ("/listen.js", SCRIPT, include_str!("../static/listen.js")),
+    ("/record.js", SCRIPT, include_str!("../static/record.js")),
+    ("/wav.js", SCRIPT, include_str!("../static/wav.js")),
+    ("/drive.js", SCRIPT, include_str!("../static/drive.js")),
     ("/link.js", SCRIPT, include_str!("../static/link.js")),
     ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
     ("/graph.js", SCRIPT, include_str!("../static/graph.js")),

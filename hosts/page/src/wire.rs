@@ -3,7 +3,8 @@
 //! From the server, text:
 //! - `{"layout": ..., "hand": bool}`: the graph, and whether it has a pointer,
 //! - `{"hand": "yours" | "theirs" | "free"}`,
-//! - `{"refused": "why"}`: the answer to a request.
+//! - `{"refused": "why"}`: the answer to a request,
+//! - `{"echo": ms}`: the answer to the same.
 //!
 //! From the server, binary: a view. It is the length of its head in bytes (u32), the head in JSON, zeros up
 //! to a multiple of four, and the new samples of every scope (f32). The head is
@@ -11,7 +12,7 @@
 //! since its layout, so that a page sees gaps.
 //!
 //! From the page, text: `{"set": {"node", "param", "value"}}`, `{"material": {"node", "name"}}`,
-//! `{"mute": bool}`, `"stop"`.
+//! `{"mute": bool}`, `{"strength": 0 to 1}`, `{"echo": ms}`, `"stop"`.
 //!
 //! From the page, binary (f64):
 //! - `[0, count]`: the number of views it has got,
@@ -39,9 +40,19 @@ const REACH_MM: f64 = 10_000.0;
 #[derive(Debug, PartialEq, Deserialize)]
 #[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub(crate) enum Ask {
-    Set { node: String, param: String, value: f64 },
-    Material { node: String, name: String },
+    Set {
+        node: String,
+        param: String,
+        value: f64,
+    },
+    Material {
+        node: String,
+        name: String,
+    },
     Mute(bool),
+    Strength(f32),
+    /// A time of the page's own; it measures how long an answer takes.
+    Echo(f64),
     Stop,
 }
 

@@ -1,4 +1,4 @@
-// Live parameters and materials.
+// Live parameters.
 import { make } from "./draw.js";
 
 /// A positive range whose ends have this ratio or more is logarithmic.
@@ -6,7 +6,6 @@ const WIDE = 300;
 const STEPS = 1000;
 
 export class Controls {
-  #materials;
   #box;
   #link;
   #layout = null;
@@ -14,8 +13,7 @@ export class Controls {
   #waiting = new Map();
   #shown = new Map();
 
-  constructor(materials, box, link) {
-    this.#materials = materials;
+  constructor(box, link) {
     this.#box = box;
     this.#link = link;
   }
@@ -32,41 +30,33 @@ export class Controls {
   }
 
   #build() {
-    const { materials, nodes } = this.#layout;
     this.#shown.clear();
-    this.#materials.replaceChildren(...materials.map((one) => this.#material(one)));
-    const groups = nodes.filter((node) => node.live.length).map((node) => {
+    const groups = this.#layout.nodes.filter((node) => node.live.length).map((node) => {
       const group = make("fieldset");
-      group.append(make("legend", "", node.id), ...node.live.map((live) => this.#control(node.id, live)));
+      group.append(make("legend", "", node.id), ...node.live.map((live) => this.#explained(node.id, live)));
       return group;
     });
     const none = make("p", "quiet", "This graph has no parameters that may change while it runs.");
-    this.#box.replaceChildren(...(groups.length || materials.length ? groups : [none]));
+    this.#box.replaceChildren(...(groups.length ? groups : [none]));
   }
 
   #refresh(force = false) {
     for (const node of this.#layout.nodes) {
       for (const live of node.live) this.#shown.get(`${node.id}\n${live.name}`)?.(live.value, force);
     }
-    for (const one of this.#layout.materials) this.#shown.get(`material\n${one.node}`)?.(one.chosen);
-  }
-
-  #material({ node, chosen, names }) {
-    const field = make("label", "field material");
-    const select = make("select");
-    for (const name of names) select.append(new Option(name, name));
-    select.value = chosen;
-    select.dataset.node = node;
-    select.addEventListener("change", () => this.#link.ask({ material: { node, name: select.value } }));
-    this.#shown.set(`material\n${node}`, (name) => (select.value = name));
-    const several = this.#layout.materials.length > 1;
-    field.append(make("span", "", several ? `Material of ${node}` : "Material"), select);
-    return field;
   }
 
   #control(node, live) {
     if (live.words.length === 2 && live.words[0] === "off" && live.words[1] === "on") return this.#flag(node, live);
     return live.words.length ? this.#choice(node, live) : this.#slider(node, live);
+  }
+
+  /** A control with the meaning of its parameter. */
+  #explained(node, live) {
+    const box = make("div", "param");
+    box.append(this.#control(node, live));
+    if (live.doc) box.append(make("p", "quiet", live.doc));
+    return box;
   }
 
   #flag(node, live) {

@@ -82,9 +82,9 @@ export function write(element, text) {
   else element.textContent = text;
 }
 
-/** The least of 1, 2, 5, 10, ... that is at least `x`. */
+/** The least of 1, 1.5, 2, 3, 4, 5, 6, 8, 10, ... that is at least `x`. */
 export function round(x) {
   if (!(x > 0)) return 1;
   const ten = 10 ** Math.floor(Math.log10(x));
-  return [1, 2, 5, 10].map((k) => k * ten).find((k) => k >= x * 0.999) ?? 10 * ten;
+  return [1, 1.5, 2, 3, 4, 5, 6, 8, 10].map((k) => k * ten).find((k) => k >= x * 0.999) ?? 10 * ten;
 }

@@ -1,5 +1,6 @@
 // The surface: strokes of a pointer are sent to the run at once, and drawn.
 import { canvas, colour, write } from "./draw.js";
+import { lay } from "./quilt.js";
 
 const INCH_MM = 25.4;
 const BAR_PX = 96;
@@ -33,6 +34,8 @@ export class Hand {
   #inked = true;
   /// Length of the bar in mm that the grid was drawn for.
   #ruled = 0;
+  /// The picture on the surface and its width in mm.
+  #picture = { image: null, mm: 0 };
   #told = 0;
   #box = null;
   #mouse = false;
@@ -64,8 +67,14 @@ export class Hand {
     this.#there = there;
     this.#surface.classList.toggle("deaf", !there);
     document.getElementById("invite").textContent = there
-      ? "Stroke here with a pen, a finger or the mouse"
+      ? "Stroke here with a pen, a finger or the mouse. With the mouse, hold the button; the wheel presses harder or softer."
       : "This graph does not listen to a pointer. Start it with --hand pointer to stroke it here.";
+  }
+
+  /** Lays a picture of so many millimetres on the surface, at true scale; null for none. */
+  lay(image, mm) {
+    this.#picture = { image, mm };
+    this.#ruled = 0;
   }
 
   /** Whose hand it is: yours, theirs or free. */
@@ -235,11 +244,18 @@ export class Hand {
     const { pen, width, height } = this.#ink.clear();
     const scale = BAR_PX / this.#mm;
     const [X, Y] = [(place) => width / 2 + place.x * scale, (place) => height / 2 - place.y * scale];
-    pen.strokeStyle = colour("--hand");
     // Round ends of transparent lines would show as dots where they meet.
     pen.lineCap = "butt";
     pen.lineJoin = "round";
     let like = "";
+    // A pale edge, so that the line is seen on any picture.
+    const line = () => {
+      const [wide, fade] = [pen.lineWidth, pen.globalAlpha];
+      Object.assign(pen, { lineWidth: wide + 4, globalAlpha: fade, strokeStyle: colour("--hand-edge") });
+      pen.stroke();
+      Object.assign(pen, { lineWidth: wide, globalAlpha: fade, strokeStyle: colour("--hand") });
+      pen.stroke();
+    };
     for (let i = 1; i < this.#trail.length; i += 1) {
       const [from, to] = [this.#trail[i - 1], this.#trail[i]];
       if (from.stroke !== to.stroke || from.pressure === 0) continue;
@@ -247,7 +263,7 @@ export class Hand {
       const wide = 1 + Math.round(18 * to.pressure) / 2;
       const likeness = `${to.stroke} ${fade} ${wide}`;
       if (likeness !== like) {
-        if (like) pen.stroke();
+        if (like) line();
         like = likeness;
         pen.globalAlpha = fade;
         pen.lineWidth = wide;
@@ -256,7 +272,7 @@ export class Hand {
       }
       pen.lineTo(X(to), Y(to));
     }
-    if (like) pen.stroke();
+    if (like) line();
     pen.globalAlpha = 1;
     this.#tip(pen, X, Y);
     if (now - this.#told >= TEXT_MS || !this.#inked) {
@@ -272,10 +288,11 @@ export class Hand {
   #tip(pen, X, Y) {
     if (!this.#touches()) return;
     const last = this.#last;
-    pen.fillStyle = colour("--hand");
+    Object.assign(pen, { fillStyle: colour("--hand"), strokeStyle: colour("--hand-edge"), lineWidth: 2 });
     pen.beginPath();
-    pen.arc(X(last), Y(last), 3 + 9 * last.pressure, 0, 7);
+    pen.arc(X(last), Y(last), 4 + 9 * last.pressure, 0, 7);
     pen.fill();
+    pen.stroke();
   }
 
   /** Writes the place of the hand. */
@@ -295,8 +312,11 @@ export class Hand {
   #rule() {
     if (!this.#grid.resized() && this.#ruled === this.#mm) return;
     this.#ruled = this.#mm;
-    const { pen, width, height } = this.#grid.clear();
-    pen.strokeStyle = colour("--grid");
+    const { pen, width, height, scale } = this.#grid.clear();
+    const { image, mm } = this.#picture;
+    const pictured = image && mm > 0;
+    if (pictured) lay(pen, width * scale, height * scale, image, mm, (BAR_PX * scale) / this.#mm);
+    pen.strokeStyle = colour(pictured ? "--over" : "--grid");
     pen.lineWidth = 1;
     pen.beginPath();
     const step = (10 * BAR_PX) / this.#mm;

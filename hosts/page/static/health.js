@@ -93,7 +93,8 @@ export class Health {
     if (!ids.length) return this.#sources.replaceChildren(make("p", "quiet", "none"));
     const table = make("table");
     const head = make("tr");
-    for (const name of ["", "state", "Hz", "age ms", "delay ms", "stalls"]) head.append(make("th", "", name));
+    head.append(make("td"));
+    for (const name of ["state", "Hz", "age ms", "delay ms", "stalls"]) head.append(make("th", "", name));
     table.append(head);
     for (const id of ids) {
       const row = make("tr");

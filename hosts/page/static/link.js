@@ -1,6 +1,12 @@
 // The WebSocket: passes messages on, and reconnects when it is lost.
 const TOKEN = new URLSearchParams(location.search).get("token") ?? "";
-const address = (path, scheme) => `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
+
+/** The address of something that the run serves. */
+export const address = (path, scheme = location.protocol) =>
+  `${scheme}//${location.host}${path}?token=${encodeURIComponent(TOKEN)}`;
+
+/// Between two measurements of the way to the run and back.
+const ECHO_MS = 2000;
 
 export class Link {
   onLayout() {}
@@ -8,6 +14,9 @@ export class Link {
   onHand() {}
   onRefused() {}
   onState() {}
+
+  /// Time of a message to the run and back in ms.
+  there_and_back = NaN;
 
   #socket = null;
   #got = 0;
@@ -18,7 +27,7 @@ export class Link {
 
   open() {
     this.onState("opening", this.#why || "Connecting to the run.");
-    const socket = new WebSocket(address("/ws", "ws:"));
+    const socket = new WebSocket(address("/ws", location.protocol.replace("http", "ws")));
     socket.binaryType = "arraybuffer";
     this.#socket = socket;
     this.#got = 0;
@@ -26,6 +35,7 @@ export class Link {
       this.#wait = 250;
       this.#why = "";
       this.onState("open", "");
+      this.#echo(socket);
     };
     socket.onmessage = ({ data }) => (typeof data === "string" ? this.#text(data) : this.#view(data));
     socket.onclose = (event) => this.#closed(event);
@@ -49,6 +59,13 @@ export class Link {
     if (message.layout) this.onLayout(message.layout, message.hand);
     else if (message.refused) this.onRefused(message.refused);
     else if (message.hand) this.onHand(message.hand);
+    else if ("echo" in message) this.there_and_back = performance.now() - message.echo;
+  }
+
+  #echo(socket) {
+    if (socket.readyState !== WebSocket.OPEN) return;
+    socket.send(JSON.stringify({ echo: performance.now() }));
+    setTimeout(() => this.#echo(socket), ECHO_MS);
   }
 
   #view(data) {
@@ -65,7 +82,7 @@ export class Link {
     else this.#why ||= "The connection to the run is lost.";
     this.onState("lost", this.#why);
     try {
-      const answer = await fetch(address("/places", "http:"));
+      const answer = await fetch(address("/places"));
       const { pages, most } = answer.ok ? await answer.json() : {};
       if (pages >= most) this.#why = `${most} pages watch this run already. This one waits for a place.`;
       if (answer.status === 403) this.#why = "This address is of another run. Open the one that the program printed.";

@@ -8,9 +8,8 @@ const LEFT = 46;
 /// Width of a line, in CSS pixels.
 const LINE = 1.3;
 const SPANS_S = [0.5, 2, 10];
-/// A scale grows at once. It shrinks after the signal stayed below this part of it for so many columns.
-const SMALL = 0.35;
-const PATIENT_S = 1.5;
+/// A scale grows at once. It shrinks when all that is drawn has fitted a smaller one for so long.
+const PATIENT_MS = 500;
 /// Samples kept for the spectrum.
 const KEPT = 131072;
 
@@ -74,6 +73,22 @@ class Strip {
   }
 }
 
+/** The upper end of an axis: a round number close above the greatest value that is drawn. */
+export class Scale {
+  top = 0;
+  #since = 0;
+
+  fit(greatest, now) {
+    // Silence keeps the scale.
+    const need = greatest > 0 ? round(greatest * 1.05) : this.top || 1;
+    if (need >= this.top || now - this.#since > PATIENT_MS) {
+      this.top = need;
+      this.#since = now;
+    }
+    return this.top;
+  }
+}
+
 class Scope {
   constructor(layout, place, span) {
     this.name = layout.name;
@@ -90,8 +105,9 @@ class Scope {
     element.setAttribute("aria-label", `${layout.name} over time`);
     this.row.append(caption, element);
     this.canvas = canvas(element, true);
-    this.top = 0;
-    this.quiet = 0;
+    this.scale = new Scale();
+    /// When the signal was last below 0.
+    this.below = -Infinity;
     this.last = 0;
     this.written = 0;
     /// The newest column that is drawn, and the scale it was drawn in.
@@ -116,20 +132,6 @@ class Scope {
     if (samples.length) this.last = samples[samples.length - 1];
   }
 
-  #scale(greatest, signed) {
-    const need = round(greatest * 1.05);
-    const now = performance.now();
-    if (!this.top || need > this.top) {
-      this.top = need;
-      this.quiet = now;
-    } else if (greatest > this.top * SMALL) this.quiet = now;
-    else if (now - this.quiet > PATIENT_S * 1000) {
-      this.top = Math.max(need, 1e-9);
-      this.quiet = now;
-    }
-    return [signed ? -this.top : 0, this.top];
-  }
-
   draw() {
     const now = performance.now();
     if (this.canvas.resized()) this.#begin();
@@ -139,8 +141,10 @@ class Scope {
       if (least[i] < low) low = least[i];
       if (most[i] > high) high = most[i];
     }
-    this.signed = low < -0.05 * high || (this.signed && now - this.quiet < 5000);
-    const [bottom, top] = this.#scale(Math.max(high, -low), this.signed);
+    if (low < -0.05 * high) this.below = now;
+    this.signed = now - this.below < 5000;
+    const top = this.scale.fit(Math.max(high, -low), now);
+    const bottom = this.signed ? -top : 0;
     const { drawn } = this;
     const { pen, width, height, scale } = this.canvas.kept();
     const all = drawn.column < 0 || column - drawn.column >= columns || drawn.bottom !== bottom || drawn.top !== top;

@@ -243,7 +243,7 @@ impl Board {
         let items = &self.view.latency_ms;
         let sum: f64 = items.iter().map(|(_, ms)| ms).sum();
         let known = |of: String| if items.is_empty() { String::new() } else { of };
-        let inner = pane("latency", &known(format!("{sum:.1} ms, hand to actuator")), area, buffer);
+        let inner = pane("latency", &known(format!("{sum:.1} ms declared, hand to actuator")), area, buffer);
         let all: Vec<String> =
             items.iter().map(|(name, ms)| format!("{} {ms:.1}", clean(name, NAME))).collect();
         let text = if items.is_empty() { "not known yet".to_owned() } else { all.join(" + ") };

@@ -21,6 +21,7 @@ fn board() -> Board {
         node: node.into(),
         chosen: "felt".into(),
         names: names.clone(),
+        ..Materials::default()
     });
     let mut board = Board { tab: Tab::Parameters, ..Board::default() };
     board.lay_out(&Layout { nodes: vec![gain, filter], materials: materials.to_vec(), ..Layout::default() });

@@ -9,6 +9,7 @@ use crate::data::Origin;
 use crate::encoder::Preset;
 use crate::loss::{Aim, Target};
 use crate::pattern::FindPatterns;
+use crate::statistics::FindStatistics;
 
 /// Trains and evaluates texture models.
 #[derive(Parser, Debug)]
@@ -28,6 +29,8 @@ pub(crate) enum Command {
     Evaluate(Trained),
     /// Finds the patterns of a model's materials again: the fields `waves` and `events` of its library.
     Pattern(FindPatterns),
+    /// Makes the statistics by which `asperity encode` tells pictures unlike the training pictures.
+    Statistics(FindStatistics),
 }
 
 /// A trained model, and its data and settings.

@@ -14,6 +14,7 @@ mod network;
 mod onnx;
 mod pattern;
 mod stages;
+mod statistics;
 mod training;
 
 use std::process::ExitCode;
@@ -53,6 +54,7 @@ fn main() -> ExitCode {
         Command::Network(network) => training::network(&network),
         Command::Evaluate(evaluate) => training::evaluate(&evaluate),
         Command::Pattern(found) => pattern::find(&found),
+        Command::Statistics(found) => statistics::find(&found),
     };
     let (code, message) = match result {
         Ok(()) => return ExitCode::SUCCESS,

@@ -373,6 +373,7 @@ fn materials(
             description: subject.description.clone(),
             family: subject.family.clone(),
             images: picture(subject)?,
+            image_mm: subject.image_mm,
             pattern: Pattern::default(),
             vector: Box::new(*vector),
         });

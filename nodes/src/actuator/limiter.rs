@@ -11,6 +11,10 @@ use asperity_actuator::{self, Drive, LimiterSettings};
 /// gain do.
 pub struct Limiter {
     limiter: asperity_actuator::Limiter,
+    /// Part of the input that is played: at the end of the last tick, and of the next.
+    strength: [f32; 2],
+    /// The attenuated input.
+    attenuated: Vec<f32>,
 }
 
 /// Places of the live parameters.
@@ -53,7 +57,8 @@ impl Node for Limiter {
         let limiter = asperity_actuator::Limiter::new(&super::dynamics(setup)?, drive, rate_hz, settings)
             .map_err(|e| p.node_error(e.to_string()))?;
         let guard = limiter.guard();
-        let it = Prepared::new(Self { limiter }).files(super::files(setup));
+        let attenuated = vec![0.0; time::max_samples(setup.input_rate(0), setup.tick_hz)];
+        let it = Prepared::new(Self { limiter, strength: [1.0; 2], attenuated }).files(super::files(setup));
         Ok(it.guard(move || Box::new(guard.clone())))
     }
 }
@@ -62,11 +67,21 @@ impl Processor for Limiter {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
         self.limiter.set_muted(!tick.inputs.valid(0));
         let asked = tick.inputs.audio(0).len();
+        let [from, to] = self.strength;
+        self.strength[0] = to;
         if self.limiter.rests() && tick.inputs.is_zero(0) && tick.outputs.audio(0).len() == asked {
             self.limiter.rest(asked);
             return Status::Quiet;
         }
-        self.limiter.process(tick.inputs.audio(0), tick.outputs.audio(0));
+        if [from, to] == [1.0; 2] {
+            self.limiter.process(tick.inputs.audio(0), tick.outputs.audio(0));
+            return Status::Continue;
+        }
+        let step = (to - from) / asked.max(1) as f32;
+        for (i, (y, x)) in self.attenuated.iter_mut().zip(tick.inputs.audio(0)).enumerate() {
+            *y = x * (from + step * (i + 1) as f32);
+        }
+        self.limiter.process(&self.attenuated[..asked], tick.outputs.audio(0));
         Status::Continue
     }
 
@@ -82,14 +97,20 @@ impl Processor for Limiter {
         }
     }
 
-    /// Signal so far, gain, and the coil's position and temperature. A limiter with other settings, or for
-    /// another actuator, continues from this state within its own limits.
+    /// Signal so far, gain, strength, and the coil's position and temperature. A limiter with other settings,
+    /// or for another actuator, continues from this state within its own limits.
     fn state(&mut self, state: &mut State<'_>) {
+        state.keep(&mut self.strength[0]);
+        state.require((0.0..=1.0).contains(&self.strength[0]));
         self.limiter.state(state);
     }
 
     fn warm(&mut self, heat: f64) {
         self.limiter.warm(heat);
+    }
+
+    fn attenuate(&mut self, strength: f32) {
+        self.strength[1] = strength;
     }
 
     fn facts(&mut self) -> Vec<Fact> {

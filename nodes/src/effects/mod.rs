@@ -70,9 +70,10 @@ impl Renders for Descriptor {
         let key = if texture { "texture" } else { self.kind.as_ref() };
         let example = effect.forms.first().map_or("", |form| form.example.as_ref());
         let sum = if texture { " A list of textures in one entry sounds as their sum." } else { "" };
+        let path = effect.path_field().map_or("", |_| " The path of its file alone will do: \"FILE.ron\".");
         let doc = format!(
             "Settings of each slot. An entry is written as after `{key}` in a scene, for example \
-             `r#\"{example}\"#`.{sum}"
+             `r#\"{example}\"#`.{path}{sum}"
         );
         let list = Param { name: effect.list.clone(), doc: doc.into(), ..texts("") };
         self.param(list).effect(effect)

@@ -51,7 +51,7 @@ impl Node for Viscosity {
             .renders(
                 Effect::new("drags", Acts::Inside)
                     .form(
-                        Form::new("", "(viscosity_ns_per_m: 2, max_force_n: 1.5)")
+                        Form::new("", "(viscosity_ns_per_m: 1, max_force_n: 1.5)")
                             .field(number("viscosity_ns_per_m", 0.0, 0.0..=1000.0, "N s/m").required())
                             .doc("force divided by speed")
                             .field(number("max_force_n", 3.3, 0.0..=100.0, "N").doc("largest force")),

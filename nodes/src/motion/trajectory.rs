@@ -2,14 +2,15 @@
 
 use crate::prelude::*;
 use asperity_diagnostics::Source;
-use asperity_motion::{self, AxisMap, Cursor, Interpolation, TrajectoryOptions};
+use asperity_motion::{self, AxisMap, ColumnMap, Cursor, Interpolation, TrajectoryOptions};
 
 use super::microseconds;
 
 /// The stroke that is played where a graph names no file: a zigzag with a pause and a lift-off.
 const SHIPPED: &str = include_str!("../../../graphs/trajectories/zigzag.csv");
 
-/// Plays a CSV file of positions and, where recorded, forces and speeds.
+/// Plays a table of positions and, where recorded, forces and speeds.
+/// [`asperity_motion::Trajectory::parse`] says what stands for positions that were not recorded.
 pub struct Trajectory {
     trajectory: asperity_motion::Trajectory,
     cursor: Cursor,
@@ -25,9 +26,13 @@ impl Node for Trajectory {
             .output(control_out("speed", 1, MM_S))
             .doc("recorded speed; needs the column speed_mm_s")
             .param(file("file").optional().doc(
-                "CSV file with the stroke; left out, a shipped zigzag. Columns: t_s, x_mm, y_mm, z_mm, \
-                 and force_n and speed_mm_s if recorded. Rows may be irregular in time.",
+                "CSV file with the stroke; left out, a shipped zigzag. Columns: t_s, x_mm, y_mm, z_mm, and \
+                 force_n and speed_mm_s if recorded. Rows may be irregular in time. Without z_mm, force_n \
+                 presses into a floor of 0.5 N/mm. Without x_mm and y_mm, speed_mm_s is the speed of a \
+                 straight line along x.",
             ))
+            .param(texts("map"))
+            .doc("Columns with other names, and their units: [\"t_s=time:ms\", \"force_n=Fz:N\"].")
             .param(text("axes", "x,y,z"))
             .doc(
                 "The file's axes that become x, y and z. For a device whose vertical axis is y: \
@@ -38,6 +43,8 @@ impl Node for Trajectory {
             )
             .param(number("max_gap_s", 0.0, 0.0..=3600.0, "s"))
             .doc("Longest gap between rows that is accepted. 0: 0.1 s, or five median steps if longer.")
+            .param(Param::flag("loop", false, ""))
+            .doc("Repeats the stroke. From its end to its start, the stylus moves in the air, in 0.9 s.")
             .resumes(Resume::Continue)
     }
 
@@ -47,7 +54,8 @@ impl Node for Trajectory {
         let linear = p.text("interpolation") == "linear";
         let max_gap_s = Some(p.number("max_gap_s")).filter(|s| *s > 0.0);
         let interpolation = if linear { Interpolation::Linear } else { Interpolation::Cubic };
-        let options = TrajectoryOptions { axes, max_gap_s, interpolation };
+        let columns = ColumnMap::parse(p.texts("map")).map_err(|e| error_at(p, "map", e))?;
+        let options = TrajectoryOptions { columns, axes, max_gap_s, interpolation };
         let trajectory = if p.get("file").is_some() {
             asperity_motion::Trajectory::read(p.file("file"), &options)?
         } else {
@@ -63,8 +71,9 @@ impl Node for Trajectory {
                 return Err(p.error("file", message).help("record it, or compute it with other nodes"));
             }
         }
-        let duration = microseconds(trajectory.duration_s());
-        Ok(Prepared::new(Self { trajectory, cursor: Cursor::default() }).duration(Some(duration)))
+        let duration = (!p.flag("loop")).then(|| microseconds(trajectory.duration_s()));
+        let trajectory = if duration.is_none() { trajectory.repeated() } else { trajectory };
+        Ok(Prepared::new(Self { trajectory, cursor: Cursor::default() }).duration(duration))
     }
 }
 
@@ -82,9 +91,14 @@ impl Processor for Trajectory {
     }
 
     fn facts(&mut self) -> Vec<Fact> {
-        vec![
+        let mut facts = vec![
             Fact::count("rows", self.trajectory.rows() as u64),
             Fact::number("duration", self.trajectory.duration_s(), "s"),
-        ]
+        ];
+        let ignored = self.trajectory.ignored();
+        if !ignored.is_empty() {
+            facts.push(Fact::text("ignored_columns", ignored.join(", ")));
+        }
+        facts
     }
 }

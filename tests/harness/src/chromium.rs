@@ -54,6 +54,7 @@ impl Chromium {
         let mut command = Command::new(program);
         command.args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"]);
         command.args(["--no-first-run", "--disable-extensions", "--disable-background-networking"]);
+        command.arg("--autoplay-policy=no-user-gesture-required");
         command.args(["--mute-audio", "--hide-scrollbars", "--remote-debugging-port=0", "about:blank"]);
         command.arg(format!("--user-data-dir={}", profile.path().display()));
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

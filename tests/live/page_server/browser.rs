@@ -1,6 +1,7 @@
 //! The page in a browser: a pen on it is heard, what is moved on it is asked for, and it says when the run is
 //! gone.
 
+use std::io::Write as _;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::mpsc::{Receiver, sync_channel};
@@ -35,7 +36,7 @@ impl Stage {
             feed.publish_layout(run.layout.clone());
             let began = Instant::now();
             for n in 0u32.. {
-                run.muted = held.muted();
+                (run.muted, run.strength) = (held.muted(), held.strength());
                 for request in held.asked() {
                     run.asked(&request);
                     feed.publish_layout(run.layout.clone());
@@ -144,11 +145,13 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     );
     let Request::Set { node, param, value } = stage.asked() else { panic!("a parameter was moved") };
     assert_eq!((node.as_str(), param.as_str(), value), ("texture", "gain", 2.0));
-    browser.eval(
-        "(() => { const s = document.querySelector('#materials select'); s.value = 'felt'; \
-         s.dispatchEvent(new Event('change', { bubbles: true })); })()",
-    );
+    browser.eval("[...document.querySelectorAll('.card')].find((one) => one.textContent === 'felt').click()");
     assert_eq!(stage.asked(), Request::Material { node: "texture".into(), name: "felt".into() });
+    browser.eval(
+        "(() => { const s = document.querySelector('#strength'); s.value = 40; \
+         s.dispatchEvent(new Event('input')); })()",
+    );
+    until("a strength of 40 %", || stage.run_control.strength() == 0.4);
     browser.click("#mute");
     stage.muted(true);
     browser.until("document.querySelector('#mute').getAttribute('aria-pressed') === 'true'");
@@ -170,9 +173,31 @@ fn what_is_moved_on_the_page_is_asked_of_the_run() {
     browser.until("document.querySelector('#notice').textContent.includes('ended')");
     browser.until("document.querySelector('#condition').dataset.is === 'away'");
     browser.complaints();
-    let _again = Stage::at(Options { port, token: Some(token) }, None);
-    browser.until("document.querySelector('#condition').dataset.is === 'playing'");
+    let again = Stage::at(Options { port, token: Some(token) }, None);
     browser.until("document.querySelector('#notice').hidden");
+    // What was set here is asked of the new run too.
+    until("the strength of before", || again.run_control.strength() == 0.4);
+    again.muted(true);
+    let mut asked = [again.asked(), again.asked()];
+    asked.sort_by_key(|request| matches!(request, Request::Set { .. }));
+    assert_eq!(asked[0], Request::Material { node: "texture".into(), name: "felt".into() });
+    assert_eq!(asked[1], Request::Set { node: "texture".into(), param: "gain".into(), value: 2.0 });
+}
+
+/// The axis of the speed went to 5000 with a trace below 800.
+#[test]
+fn axis_of_a_scope_shrinks_to_what_is_drawn() {
+    let _alone = real_time();
+    let Some(mut browser) = Chromium::start() else { return };
+    let stage = Stage::at(Options::default(), None);
+    browser.open(stage.page().url());
+    let tops = browser.eval(
+        "(async () => { const token = new URLSearchParams(location.search).get('token'); \
+         const { Scale } = await import('./scope.js?token=' + token); const scale = new Scale(); \
+         return [[4200, 0], [760, 100], [760, 700], [0, 5000], [900, 5001]].map(([x, ms]) => \
+         scale.fit(x, ms)); })()",
+    );
+    assert_eq!(tops, serde_json::json!([5000, 5000, 800, 800, 1000]), "{tops}");
 }
 
 #[test]
@@ -213,6 +238,22 @@ fn the_spectrum_of_a_sine_stands_on_its_bin_with_its_amplitude() {
     assert!(slow[2..].iter().all(|x| *x < 1e-3), "{slow:?}");
 }
 
+/// Holds the page against the rules of axe, if `scripts/setup.sh tests` could install it.
+fn no_fault(browser: &mut Chromium, place: &str) {
+    let file = harness::root().join("target/axe/axe.min.js");
+    let Ok(axe) = std::fs::read_to_string(file) else {
+        let _ = std::io::stderr().write_all(b"SKIPPED: axe-core is not installed: `make setup-tests`\n");
+        return;
+    };
+    browser.eval("document.querySelector('.advanced').open = true");
+    browser.eval(&format!("{axe}; 0"));
+    let faults = browser.eval(
+        "axe.run().then(({ violations }) => violations.map(({ id, nodes }) => \
+         [id, ...nodes.map(({ target, failureSummary }) => `${target}: ${failureSummary}`)].join('\\n')))",
+    );
+    assert_eq!(faults, serde_json::json!([]), "accessibility of {place}");
+}
+
 #[test]
 fn the_page_is_drawn_at_every_width_without_a_complaint() {
     let _alone = real_time();
@@ -228,10 +269,16 @@ fn the_page_is_drawn_at_every_width_without_a_complaint() {
     ] {
         browser.look(&Look { width, height, dark });
         browser.open(stage.page().url());
-        browser.until("document.querySelectorAll('#graph .node').length === 13");
         browser.until("document.querySelector('#condition').dataset.is !== 'away'");
-        let wide = browser.eval("document.documentElement.scrollWidth");
-        assert_eq!(wide.as_u64(), Some(u64::from(width)), "{name} scrolls sideways");
+        browser.until("document.querySelectorAll('.card').length === 5");
+        for tab in ["feel", "scope"] {
+            browser.eval(&format!("document.querySelector('#tab-{tab}').click()"));
+            browser.until(&format!("!document.querySelector('#{tab}').hidden"));
+            let wide = browser.eval("document.documentElement.scrollWidth");
+            assert_eq!(wide.as_u64(), Some(u64::from(width)), "{name} scrolls sideways on {tab}");
+            no_fault(&mut browser, &format!("{name} {tab}"));
+        }
+        browser.until("document.querySelectorAll('#graph .node').length === 13");
     }
     assert_eq!(browser.complaints(), Vec::<String>::new());
 }

@@ -2,8 +2,8 @@
 //! move.
 
 use asperity_live::view::{
-    Condition, Layout, LiveLayout, Materials, NodeLayout, NodeView, Request, ScopeLayout, SourceView,
-    TimingView, View,
+    Condition, Layout, LiveLayout, Material, Materials, NodeLayout, NodeView, Request, ScopeLayout,
+    SourceView, TimingView, View,
 };
 
 /// Views a second.
@@ -13,13 +13,14 @@ const EDGES_US: [f64; 8] = [1.0, 3.0, 10.0, 32.0, 100.0, 320.0, 1000.0, 2000.0];
 pub struct Run {
     pub layout: Layout,
     pub muted: bool,
+    pub strength: f32,
     number: u64,
 }
 
 impl Run {
     /// One that has run for so long.
     pub fn at(seconds: u64) -> Self {
-        Self { layout: layout(), muted: false, number: seconds * FPS }
+        Self { layout: layout(), muted: false, strength: 1.0, number: seconds * FPS }
     }
 
     /// Carries a request out.
@@ -70,6 +71,7 @@ impl Run {
         View {
             number: self.number,
             muted: self.muted,
+            strength: self.strength,
             condition: match self.muted {
                 true => Condition::Muted,
                 false if seconds < 2.0 => Condition::Starting,
@@ -131,6 +133,15 @@ fn words<const N: usize>(words: [&str; N]) -> Vec<String> {
     words.map(str::to_owned).into()
 }
 
+/// Materials and their families.
+const MATERIALS: [[&str; 2]; 5] = [
+    ["canvas", "weave"],
+    ["fine weave", "weave"],
+    ["felt", "wool"],
+    ["sandpaper 120", "sandpaper"],
+    ["ribbed glass", "glass"],
+];
+
 /// The graph of Heravi et al. 2024 with a pointer for a stylus, and a probe.
 pub fn layout() -> Layout {
     let mut nodes = vec![
@@ -183,7 +194,14 @@ pub fn layout() -> Layout {
         materials: vec![Materials {
             node: "texture".into(),
             chosen: "canvas".into(),
-            names: words(["canvas", "fine weave", "felt", "sandpaper 120", "ribbed glass"]),
+            names: MATERIALS.map(|[name, ..]| name.to_owned()).into(),
+            gallery: MATERIALS
+                .map(|[name, family]| Material {
+                    name: name.into(),
+                    family: family.into(),
+                    ..Material::default()
+                })
+                .into(),
         }],
         ..Layout::default()
     }

@@ -19,7 +19,8 @@ use crate::socket::{self, connect, got, numbers};
 /// All files and places of the server, and one that it does not have.
 fn files() -> impl Iterator<Item = &'static str> {
     "/ /page.css /icon.svg /main.js /link.js /hand.js /graph.js /layers.js /scope.js /spectrum.js /timing.js \
-     /health.js /controls.js /draw.js /places /nothing"
+     /health.js /controls.js /draw.js /gallery.js /quilt.js /setting.js /listen.js \
+     /record.js /places /materials /picture/texture/canvas /nothing"
         .split(' ')
 }
 

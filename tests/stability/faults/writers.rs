@@ -125,6 +125,7 @@ fn library(dir: &Path) {
         description: "Made for a test.".into(),
         family: None,
         images: Vec::new(),
+        image_mm: None,
         pattern: Default::default(),
         vector,
     };

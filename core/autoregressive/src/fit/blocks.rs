@@ -6,7 +6,7 @@ use asperity_diagnostics::Diagnostic;
 
 use super::super::triangles::range;
 use super::signal::prepared;
-use super::{Dropped, Recording, Segment, Settings, Why};
+use super::{Dropped, Recording, Segment, Settings, Tolerance, Why};
 
 /// Blocks a second.
 const BLOCKS_HZ: f64 = 100.0;
@@ -24,6 +24,17 @@ const AROUND: usize = 50;
 const LOUD: f64 = 100.0;
 /// Most loud blocks among the neighbours. More are the texture.
 const RARE: usize = 5;
+
+/// Blocks of which a level is taken: long enough for a period of 20 Hz, short beside a dead stretch.
+const WINDOW: usize = 5;
+/// Blocks that share a speed and force.
+const PLACE: usize = 10;
+/// Least places to expect a level from.
+const FEW: usize = 5;
+/// Power over the expected one below which a sensor is dead.
+const DEAD: f64 = 0.01;
+/// Least blocks of a dead stretch.
+const DEAD_BLOCKS: usize = 10;
 
 /// A range of blocks.
 pub(super) type Span = Range<usize>;
@@ -67,6 +78,13 @@ impl Blocks {
         it.mark_low(1, settings.least_force_n, Why::NoContact);
         it.mark_low(0, settings.least_speed_mm_s, Why::Slow);
         it.mark_clicks(&mut axes, &spans);
+        it.mark_dead(&axes, &spans, &settings.tolerance);
+        // A stretch without a signal begins and ends with a step, on which the high-pass would ring.
+        let is_off = |why: Option<Why>| matches!(why, Some(Why::Still | Why::Dead));
+        for (run, _) in it.spans().into_iter().filter(|(_, why)| is_off(*why)) {
+            let samples = spans[run.start].start..spans[run.end - 1].end;
+            axes.iter_mut().for_each(|axis| line(axis, samples.start, samples.end));
+        }
         it.signal = prepared(axes, recorded_hz, settings)?;
         it.signal.resize(count * len, 0.0);
         Ok(it)
@@ -131,6 +149,70 @@ impl Blocks {
             let (first, last) = (run[0], run[run.len() - 1]);
             axes.iter_mut().for_each(|axis| line(axis, spans[first].start, spans[last].end));
             self.mark(first.saturating_sub(1)..last + 2, Why::Click);
+        }
+    }
+
+    /// Marks stretches that are far quieter than the recording is elsewhere at their speed and force.
+    ///
+    /// A texture gets no quieter with speed or force. So two medians are compared with: of all places of
+    /// like speed and force, and of all that are not faster and not pressed harder.
+    fn mark_dead(&mut self, axes: &[Vec<f64>], spans: &[Range<usize>], tolerance: &Tolerance) {
+        let sums = |axis: &Vec<f64>| {
+            let mut sums = vec![[0.0; 2]];
+            for (i, span) in spans.iter().enumerate() {
+                let of = |power: i32| axis[span.clone()].iter().map(|x| x.powi(power)).sum::<f64>();
+                sums.push([sums[i][0] + of(1), sums[i][1] + of(2)]);
+            }
+            sums
+        };
+        let sums: Vec<Vec<[f64; 2]>> = axes.iter().map(sums).collect();
+        // Mean square around the mean, which takes gravity out.
+        let power = |blocks: Span| {
+            let count = (spans[blocks.end - 1].end - spans[blocks.start].start) as f64;
+            let of = |sums: &Vec<[f64; 2]>| {
+                let [sum, squares] = [0, 1].map(|i| sums[blocks.end][i] - sums[blocks.start][i]);
+                (squares - sum * sum / count) / count
+            };
+            sums.iter().map(of).sum::<f64>()
+        };
+        let runs = self.runs().into_iter().filter(|run| run.len() >= WINDOW);
+        let places: Vec<(Span, [f64; 2], f64)> = runs
+            .flat_map(|run| (run.start..run.end).step_by(PLACE).map(move |b| b..run.end.min(b + PLACE)))
+            .map(|place| (place.clone(), average(self.smooth_of(&place)), power(place)))
+            .collect();
+        let loudest = places.iter().map(|(.., power)| *power).fold(0.0, f64::max);
+        let mut is_quiet = vec![false; self.why.len()];
+        let mut levels = Vec::new();
+        for (place, at, _) in &places {
+            let limits = tolerance.of(*at);
+            let mut median = |is_like: &dyn Fn(usize, f64) -> bool| {
+                levels.clear();
+                let like =
+                    places.iter().filter(|(_, other, _)| (0..2).all(|axis| is_like(axis, other[axis])));
+                levels.extend(like.map(|(.., power)| *power));
+                let middle = levels.len() / 2;
+                let enough = levels.len() >= FEW;
+                if enough { *levels.select_nth_unstable_by(middle, f64::total_cmp).1 } else { 0.0 }
+            };
+            let windows = place.clone().map(|b| b..b + WINDOW);
+            let windows =
+                windows.filter(|w| w.end <= spans.len() && self.why[w.clone()].iter().all(Option::is_none));
+            let quiet: Vec<(Span, f64)> = windows.map(|w| (w.clone(), power(w))).collect();
+            if quiet.iter().all(|(_, power)| *power > DEAD * loudest) {
+                continue;
+            }
+            let same = median(&|axis, x| (x - at[axis]).abs() <= limits[axis]);
+            let expected = same.max(median(&|axis, x| x <= at[axis] + limits[axis]));
+            for (window, _) in quiet.into_iter().filter(|(_, power)| *power < DEAD * expected) {
+                is_quiet[window].fill(true);
+            }
+        }
+        let mut end = 0;
+        for run in is_quiet.chunk_by(|a, b| a == b) {
+            end += run.len();
+            if run[0] && run.len() >= DEAD_BLOCKS {
+                self.mark((end - run.len()).saturating_sub(1)..end + 1, Why::Dead);
+            }
         }
     }
 

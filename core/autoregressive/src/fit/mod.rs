@@ -8,8 +8,10 @@
 //! - Blocks of 10 ms are dropped in this order. Still: no axis changes for 20 ms. Clipped: one axis stays at
 //!   its highest or lowest value for 1 ms; three blocks before and behind go too. No contact, then slow: the
 //!   mean of five blocks is too low. Clicks: at most 50 ms within a second in which the power of the signal's
-//!   differences is 20 dB above that second's median; a block before and behind goes too. A straight line
-//!   replaces a click, so that no filter rings.
+//!   differences is 20 dB above that second's median; a block before and behind goes too. Dead: for 100 ms or
+//!   more, the power of 50 ms is 20 dB below its expected value. That is the median of the rest of the
+//!   recording at similar speeds and forces, or at no higher ones, whichever is larger. A block before and
+//!   behind goes too. A straight line replaces all these blocks, so that no filter rings.
 //! - Several axes become one signal after DFT321 (Landin, Romano, McMahan and Kuchenbecker 2010,
 //!   "Dimensional reduction of high-frequency accelerations for haptic rendering"). The phase is that of the
 //!   loudest axis, since axes may cancel in the sum.
@@ -37,7 +39,7 @@ mod signal;
 use std::fmt;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_motion::{MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
+use asperity_motion::{MAX_ABS_ACCELERATION_M_S2, MAX_ABS_FORCE_N, MAX_SPEED_MM_S};
 
 use super::{MAX_ORDER, Texture};
 use blocks::Blocks;
@@ -46,8 +48,6 @@ pub use compare::{Band, Compared, Comparison};
 
 /// Rates of recordings in Hz.
 const RATES_HZ: std::ops::RangeInclusive<f64> = 1000.0..=10_000.0;
-/// Largest acceleration in m/s^2, either sign.
-const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
 /// Least samples of a piece for each coefficient.
 const SAMPLES_A_COEFFICIENT: f64 = 4.0;
 
@@ -190,6 +190,8 @@ pub enum Why {
     Slow,
     /// A click.
     Click,
+    /// Far quieter than elsewhere at this speed and force: a dead sensor.
+    Dead,
     /// Speed or force change too fast.
     Unsteady,
     /// Shorter than the shortest piece.
@@ -198,8 +200,16 @@ pub enum Why {
 
 impl Why {
     /// All reasons.
-    pub const ALL: [Self; 7] =
-        [Self::Still, Self::Clipped, Self::NoContact, Self::Slow, Self::Click, Self::Unsteady, Self::Short];
+    pub const ALL: [Self; 8] = [
+        Self::Still,
+        Self::Clipped,
+        Self::NoContact,
+        Self::Slow,
+        Self::Click,
+        Self::Dead,
+        Self::Unsteady,
+        Self::Short,
+    ];
 }
 
 impl fmt::Display for Why {
@@ -210,6 +220,7 @@ impl fmt::Display for Why {
             Self::NoContact => "without contact",
             Self::Slow => "too slow",
             Self::Click => "around clicks",
+            Self::Dead => "silent at a speed and force that sound elsewhere",
             Self::Unsteady => "with speed or force changing",
             Self::Short => "too short between others",
         })

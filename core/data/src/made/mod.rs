@@ -12,13 +12,14 @@ mod ground;
 mod strokes;
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Random;
 use asperity_surfaces::tactile::{Camera, Press, indentation};
 use asperity_surfaces::topography::{HeightField, MadeSurface, made_surfaces};
-use asperity_texture::picture::Image;
+use asperity_texture::picture::{IMAGE, Image};
 use rayon::prelude::*;
 
 pub use expectations::expectations;
@@ -74,10 +75,18 @@ fn unseen(number: usize) -> bool {
 /// Depth of the gel's press in mm.
 const DEPTH_MM: (f64, f64) = (0.2, 0.6);
 
-/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another camera.
-fn press(piece: &HeightField, count: usize, random: &mut Random, images: &mut Vec<Image>) {
+/// Presses a gel onto a piece `count` times, anywhere and in any direction, each time with another camera,
+/// which `vary` may change.
+fn press(
+    piece: &HeightField,
+    count: usize,
+    vary: impl Fn(&mut Camera),
+    random: &mut Random,
+    images: &mut Vec<Image>,
+) {
     for _ in 0..count {
-        let camera = Camera::another(random);
+        let mut camera = Camera::another(random);
+        vary(&mut camera);
         let length = piece.length_mm();
         let press = Press {
             place_mm: [random.range(0.0, length), random.range(0.0, length)],
@@ -86,6 +95,26 @@ fn press(piece: &HeightField, count: usize, random: &mut Random, images: &mut Ve
         };
         images.push(camera.picture(&indentation(piece, &press, camera.grid()), random));
     }
+}
+
+/// Salt of the presses' random numbers.
+const PRESSES: u64 = 0x5eed;
+
+/// Pictures of a surface's pieces by their numbers: the first [images](Settings::images) of each, with a
+/// camera that `vary` may change. Pieces to train on come first.
+pub fn pictures(
+    surface: &MadeSurface,
+    settings: &Settings,
+    pieces: Range<usize>,
+    vary: impl Fn(&mut Camera),
+) -> Vec<Image> {
+    let mut images = Vec::new();
+    for seed in pieces.map(|number| settings.piece(number)) {
+        let piece = surface.patch(GRID, seed);
+        let random = &mut Random::new(seed ^ surface.seed() ^ PRESSES);
+        press(&piece, settings.images, &vary, random, &mut images);
+    }
+    images
 }
 
 /// Images and examples of one surface. The same settings give the same bits.
@@ -102,7 +131,7 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
         };
         // No two surfaces are pressed or stroked alike.
         let own = |salt: u64| Random::new(seed ^ surface.seed() ^ salt);
-        press(&piece, settings.images, &mut own(0x5eed), to_images);
+        press(&piece, settings.images, |_| {}, &mut own(PRESSES), to_images);
         let random = &mut own(0x5704);
         strokes::add(surface, &piece, settings, random, to_examples)?;
     }
@@ -111,6 +140,7 @@ fn subject(surface: &MadeSurface, settings: &Settings) -> Result<Subject, Diagno
         description: surface.description.clone(),
         family: Some(surface.family.name().to_owned()),
         images,
+        image_mm: Some(Camera::USUAL.pixel_mm * IMAGE[1] as f64),
         examples,
         truth: Truth::Draws,
         notes: Vec::new(),

@@ -5,8 +5,8 @@
 //!
 //! A stroke is a measurement while a tool was dragged, at 1 to 10 kHz, in one of two forms.
 //!
-//! A CSV file has a header that names columns in any order, then a row for each sample of a steady
-//! clock. Lines that start with `#` and blank lines are skipped.
+//! A table ([`asperity_motion::Table`]) has a header that names columns in any order, then a row for each
+//! sample of a steady clock. Other columns are ignored.
 //!
 //! | column | |
 //! |---|---|
@@ -53,6 +53,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_dsp::frame::WINDOW_S;
+use asperity_motion::ColumnMap;
 
 use crate::example::{Parts, Subject, Truth};
 use crate::felt::{Felt, force_n};
@@ -63,16 +64,22 @@ use crate::pattern;
 pub use read::parse;
 pub use stroke::Recorded;
 
-/// Reads one stroke: a WAV file by its extension, with the file that names its channels, else a table.
+/// Reads one stroke: a WAV file by its extension, with the file that names its channels, else a table with
+/// this map of its columns.
 ///
 /// # Errors
-/// A file that is not as the [module](self) says. CSV and RON errors have line and column.
-pub fn recorded(path: &Path) -> Result<Recorded, Diagnostic> {
-    if folder::ends_with(path, &["wav"]) {
-        read::wav(path, &channels_file(path))
-    } else {
-        parse(&Source::read(path)?)
+/// A file that is not as the [module](self) says. CSV and RON errors have line and column. A map of a WAV
+/// file's columns.
+pub fn recorded(path: &Path, map: &ColumnMap) -> Result<Recorded, Diagnostic> {
+    if !folder::ends_with(path, &["wav"]) {
+        return parse(&Source::read(path)?, map);
     }
+    let channels = channels_file(path);
+    if !map.is_empty() {
+        let what = "a WAV file has no columns to map";
+        return Err(folder::refused(path, what, &format!("{} names its channels", channels.display())));
+    }
+    read::wav(path, &channels)
 }
 
 /// A recorded stroke that a graph can play, with the tool's accelerations.
@@ -112,8 +119,8 @@ impl Recording {
 ///
 /// # Errors
 /// As [`recorded`].
-pub fn recording(path: &Path) -> Result<Recording, Diagnostic> {
-    recorded(path)?.recording().map_err(|e| e.in_file(path))
+pub fn recording(path: &Path, map: &ColumnMap) -> Result<Recording, Diagnostic> {
+    recorded(path, map)?.recording().map_err(|e| e.in_file(path))
 }
 
 /// Path of the file that names a WAV file's channels.
@@ -153,7 +160,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
     }
     let mut examples = Parts::default();
     for (path, part) in strokes {
-        let stroke = recorded(path)?;
+        let stroke = recorded(path, &ColumnMap::default())?;
         let split_s = if part == WHOLE { f64::INFINITY } else { stroke.duration_s() * part };
         for mut timed in stroke.examples().map_err(|e| e.in_file(path))? {
             // Data to judge by is not trained on.
@@ -175,6 +182,7 @@ fn subject(folder: &Path) -> Result<Subject, Diagnostic> {
         name,
         family: None,
         images,
+        image_mm: None,
         notes,
         examples,
         truth: Truth::Draws,
@@ -192,7 +200,7 @@ pub fn strokes(folder: &Path) -> Result<Vec<pattern::Stroke>, Diagnostic> {
         if part == 0.0 {
             continue;
         }
-        let stroke = recorded(path)?;
+        let stroke = recorded(path, &ColumnMap::default())?;
         if !stroke.directed {
             continue;
         }

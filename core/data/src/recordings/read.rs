@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use asperity_diagnostics::ron;
 use asperity_diagnostics::{Diagnostic, Source, Span, one_of};
-use asperity_motion::{Column, MAX_ABS_FORCE_N, MAX_ABS_POSITION_MM, MAX_ABS_TIME_S, MAX_SPEED_MM_S, Table};
+use asperity_motion::{Column, ColumnMap, Table};
 
 use super::Recorded;
 use crate::wav::Wav;
@@ -16,8 +16,6 @@ const HEADER_HELP: &str =
 /// Largest full scale in any unit.
 const MAX_FULL_SCALE: f64 = 1e6;
 
-/// Largest acceleration in m/s^2, either sign.
-const MAX_ABS_ACCELERATION_M_S2: f64 = 1e5;
 /// Rates that are accepted, in Hz.
 const RATES_HZ: RangeInclusive<f64> = 1000.0..=10_000.0;
 /// A rate near a multiple of this, in Hz, ..
@@ -39,17 +37,17 @@ const ACCELERATION: usize = 10;
 
 /// All quantities.
 const QUANTITIES: [Column; 11] = [
-    Column { alias: Some("time_s"), ..Column::within("t_s", MAX_ABS_TIME_S, "s") },
-    Column::within("force_n", MAX_ABS_FORCE_N, "N"),
-    Column::within("vx_mm_s", MAX_SPEED_MM_S, "mm/s"),
-    Column::within("vy_mm_s", MAX_SPEED_MM_S, "mm/s"),
-    Column::within("x_mm", MAX_ABS_POSITION_MM, "mm"),
-    Column::within("y_mm", MAX_ABS_POSITION_MM, "mm"),
-    Column { least: 0.0, ..Column::within("speed_mm_s", MAX_SPEED_MM_S, "mm/s") },
-    Column::within("ax_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
-    Column::within("ay_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
-    Column::within("az_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
-    Column::within("acceleration_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2"),
+    Column::TIME,
+    Column::FORCE,
+    Column::VX,
+    Column::VY,
+    Column::X,
+    Column::Y,
+    Column::SPEED,
+    Column::AX,
+    Column::AY,
+    Column::AZ,
+    Column::ACCELERATION,
 ];
 
 /// The number of a quantity other than the time by its name. None for [`NONE`]; else help for the error.
@@ -65,23 +63,33 @@ fn number(name: &str) -> Result<Option<usize>, String> {
 /// Samples by quantity, if recorded.
 type Channels = [Option<Vec<f64>>; QUANTITIES.len()];
 
+/// A fault of some quantities: its words, the quantities that would mend it, and help.
+type Wrong = (&'static str, &'static [usize], &'static str);
+
 /// Checks that the quantities make a stroke.
-fn check(has: impl Fn(usize) -> bool) -> Result<(), Diagnostic> {
+fn check(has: impl Fn(usize) -> bool) -> Result<(), Wrong> {
     let both = |of: [usize; 2]| of.into_iter().all(&has);
     let motion = both(VELOCITY) || both(PLACE) || has(SPEED);
-    let (what, help) = match (has(FORCE), motion, AXES.into_iter().any(&has), has(ACCELERATION)) {
-        (false, ..) => ("no force", "`force_n`"),
-        (_, false, ..) => ("no motion", "`vx_mm_s` and `vy_mm_s`, or `x_mm` and `y_mm`, or `speed_mm_s`"),
-        (_, _, false, false) => {
-            ("no acceleration", "`ax_m_s2`, `ay_m_s2`, `az_m_s2`, one at least, or `acceleration_m_s2`")
+    match (has(FORCE), motion, AXES.into_iter().any(&has), has(ACCELERATION)) {
+        (false, ..) => Err(("no force", &[FORCE], "`force_n`")),
+        (_, false, ..) => {
+            let help = "`vx_mm_s` and `vy_mm_s`, or `x_mm` and `y_mm`, or `speed_mm_s`";
+            Err(("no motion", &[SPEED], help))
         }
-        (_, _, true, true) => (
-            "the acceleration of one axis and of several",
-            "either `acceleration_m_s2` or `ax_m_s2`, `ay_m_s2`, `az_m_s2`",
-        ),
-        _ => return Ok(()),
-    };
-    Err(Diagnostic::new(what).help(help))
+        (_, _, false, false) => {
+            let help = "`ax_m_s2`, `ay_m_s2`, `az_m_s2`, one at least, or `acceleration_m_s2`";
+            Err(("no acceleration", &[ACCELERATION], help))
+        }
+        (_, _, true, true) => {
+            let help = "either `acceleration_m_s2` or `ax_m_s2`, `ay_m_s2`, `az_m_s2`";
+            Err(("the acceleration of one axis and of several", &[], help))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn without_table((what, _, help): Wrong) -> Diagnostic {
+    Diagnostic::new(what).help(help)
 }
 
 /// Rounds a measured rate in Hz to the intended one.
@@ -132,7 +140,7 @@ impl Recorded {
 
 /// A stroke from its channels.
 fn stroke(mut channels: Channels, rate_hz: f64) -> Result<Recorded, Diagnostic> {
-    check(|i| channels[i].is_some())?;
+    check(|i| channels[i].is_some()).map_err(without_table)?;
     let mut take = |i: usize| channels[i].take();
     let force = take(FORCE).unwrap_or_default();
     let (place, speed) = match (VELOCITY.map(&mut take), PLACE.map(&mut take), take(SPEED)) {
@@ -163,12 +171,12 @@ fn travelled(velocity: &[f64], rate_hz: f64) -> Vec<f64> {
 ///
 /// # Errors
 /// As [`recorded`](super::recorded) of a CSV file.
-pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
-    let mut table = Table::open(source, &QUANTITIES, HEADER_HELP)?;
+pub fn parse(source: &Arc<Source>, map: &ColumnMap) -> Result<Recorded, Diagnostic> {
+    let mut table = Table::open(source, &QUANTITIES, map, HEADER_HELP)?;
     if !table.has(TIME) {
-        return Err(Diagnostic::new("no clock").at(source, table.header_end()).help("`t_s` or `time_s`"));
+        return Err(table.lacks("no clock", &[TIME], "`t_s` or `time_s`"));
     }
-    check(|i| table.has(i)).map_err(|e| e.at(source, table.header_end()))?;
+    check(|i| table.has(i)).map_err(|(what, columns, help)| table.lacks(what, columns, help))?;
     let mut channels: Channels = std::array::from_fn(|i| table.has(i).then(Vec::new));
     let mut clock = Vec::new();
     let mut row = [0.0; QUANTITIES.len()];
@@ -180,7 +188,9 @@ pub fn parse(source: &Arc<Source>) -> Result<Recorded, Diagnostic> {
     }
     let time = channels[TIME].take().unwrap_or_default();
     let rate_hz = steady_rate(source, &time, &clock)?;
-    stroke(channels, rate_hz).map_err(|e| e.at(source, table.end()))
+    let mut recorded = stroke(channels, rate_hz).map_err(|e| e.at(source, table.end()))?;
+    recorded.ignored = table.ignored();
+    Ok(recorded)
 }
 
 /// The rate of a clock that is never more than half a step off a steady one.
@@ -255,6 +265,6 @@ fn names_of(source: &Arc<Source>) -> Result<Vec<(String, f64)>, Diagnostic> {
         named.push((name.to_owned(), full_scale));
     }
     check(|i| named.iter().any(|(name, _)| name == QUANTITIES[i].name))
-        .map_err(|e| e.at(source, list.span()))?;
+        .map_err(|e| without_table(e).at(source, list.span()))?;
     Ok(named)
 }

@@ -38,6 +38,8 @@ pub struct Recorded {
     pub speed_mm_s: Vec<f64>,
     /// Acceleration of the tool in m/s^2 by axes, one to three.
     pub acceleration_m_s2: Vec<Vec<f64>>,
+    /// Columns of its file that nobody reads.
+    pub ignored: Vec<String>,
 }
 
 /// An example and its time.
@@ -76,7 +78,8 @@ impl Recorded {
         };
         let directed = speed_mm_s.is_none();
         let speed_mm_s = speed_mm_s.unwrap_or_else(|| (0..force_n.len()).map(speed).collect());
-        Ok(Self { rate_hz, force_n, place_mm, directed, speed_mm_s, acceleration_m_s2 })
+        let ignored = Vec::new();
+        Ok(Self { rate_hz, force_n, place_mm, directed, speed_mm_s, acceleration_m_s2, ignored })
     }
 
     pub(super) fn duration_s(&self) -> f64 {

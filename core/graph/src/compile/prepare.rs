@@ -107,6 +107,7 @@ pub(super) fn prepare(
                     index,
                     kind: p.kind.clone(),
                     unit: p.unit.to_string(),
+                    doc: p.doc.to_string(),
                 });
                 let ways = ordered.gate_sets[i].iter();
                 nodes.push(ScheduledNode {

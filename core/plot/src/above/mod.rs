@@ -366,7 +366,8 @@ fn draw_names(svg: &mut Svg, areas: &[(&Seen, Bounds)], frame: Bounds) -> usize 
         let room = (high[0] - low[0] - 6.0).max(LEAST);
         let both = format!("{name} \u{b7} {note}");
         let fits = !note.is_empty() && note != name && length(&both) <= room;
-        let text = if fits { both } else { fitting(name, room, NAME) };
+        // A name may reach beyond a narrow surface; where it would cover another, it moves down a line.
+        let text = if fits { both } else { fitting(name, 1.5 * room, NAME) };
         let size = [length(&text), LINE];
         let first = [0.5 * (low[0] + high[0] - size[0]), low[1] + 3.0];
         let first: Point = [0, 1].map(|k| first[k].min(frame[1][k] - size[k]).max(frame[0][k]));

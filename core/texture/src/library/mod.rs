@@ -2,13 +2,14 @@
 //!
 //! ```text
 //! Library(
-//!     version: 3,
+//!     version: 4,
 //!     encoder: "encoder.onnx",
 //!     materials: {
 //!         "denim": (
 //!             description: "What it feels like, in a sentence.",
 //!             family: "weave",
 //!             images: ["pictures/denim.jpg"],
+//!             image_mm: 10.24,
 //!             events: (spacing_mm: 0.4, spacing_exponent: -0.5, anisotropy: [0.6, 0.0],
 //!                      interval_cv: 0.25, height_cv: 0.5),
 //!             // Each harmonic's weight, share and phase.
@@ -21,7 +22,7 @@
 //!
 //! `encoder`, `family` and `images` are optional; version 1 has none of them. Paths are relative to the
 //! library's folder. `events` and `waves` are a material's [`Pattern`]; they are optional and came with
-//! version 3.
+//! version 3. `image_mm`, the width of each picture on the material, is optional and came with version 4.
 
 mod assign;
 mod insert;
@@ -44,6 +45,9 @@ pub const VECTOR_LEN: usize = 256;
 /// Largest number in a vector, either sign: far beyond any embedding.
 const LARGEST: f64 = 1e6;
 
+/// Widths that a picture may show.
+const IMAGE_MM: std::ops::RangeInclusive<f64> = 0.1..=1000.0;
+
 /// A material of a library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LibraryMaterial {
@@ -55,6 +59,8 @@ pub struct LibraryMaterial {
     pub family: Option<String>,
     /// Paths of pictures of it as in the file: relative to the library's folder.
     pub images: Vec<String>,
+    /// Width of each picture on the material \[mm\], if known.
+    pub image_mm: Option<f64>,
     /// Spread of its vibration over place.
     pub pattern: Pattern,
     /// Input of a texture network.
@@ -104,7 +110,7 @@ impl Library {
     pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
         let whole = ron::parse(source)?;
         let mut record = whole.record("Library")?;
-        let version = record.required("version")?.i64_in(1..=3, "")?;
+        let version = record.required("version")?.i64_in(1..=4, "")?;
         let later = version > 1;
         let encoder = if later { record.optional("encoder").map(named).transpose()? } else { None };
         let list = record.required("materials")?;
@@ -170,9 +176,10 @@ impl Library {
     /// from its own text points there with [`Diagnostic::at`].
     pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
         self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
-            Diagnostic::new(format!("no material `{name}` in {}", self.path.display()))
+            let (file, names) = (self.path.display(), self.materials.iter().map(|m| m.name.as_str()));
+            Diagnostic::new(format!("no material `{name}` in {file}"))
                 .in_file(&self.path)
-                .help(one_of(name, self.materials.iter().map(|m| m.name.as_str())))
+                .help(format!("{} (all of them: asperity materials --library {file})", one_of(name, names)))
         })
     }
 }
@@ -181,6 +188,7 @@ impl LibraryMaterial {
     /// The earliest version of the file with all of its fields.
     fn needs_version(&self) -> i64 {
         match () {
+            () if self.image_mm.is_some() => 4,
             () if self.pattern != Pattern::default() => 3,
             () if self.family.is_some() || !self.images.is_empty() => 2,
             () => 1,
@@ -197,6 +205,9 @@ impl LibraryMaterial {
         if !self.images.is_empty() {
             let images: Vec<String> = self.images.iter().map(|i| quoted(i)).collect();
             let _ = writeln!(text, "{indent}    images: [{}],", images.join(", "));
+        }
+        if let Some(mm) = self.image_mm {
+            let _ = writeln!(text, "{indent}    image_mm: {mm:?},");
         }
         self.pattern.write(text, &format!("{indent}    "));
         let _ = writeln!(text, "{indent}    vector: [");
@@ -222,8 +233,10 @@ fn material(name: &str, value: &Value, version: i64) -> Result<LibraryMaterial, 
     if version > 2 {
         pattern = Pattern::read(m.optional("waves"), m.optional("events"))?;
     }
+    let image_mm = if version > 3 { m.optional("image_mm") } else { None };
+    let image_mm = image_mm.map(|mm| mm.f64_in(IMAGE_MM, "mm")).transpose()?;
     m.finish()?;
-    Ok(LibraryMaterial { name: name.to_owned(), description, family, images, pattern, vector })
+    Ok(LibraryMaterial { name: name.to_owned(), description, family, images, image_mm, pattern, vector })
 }
 
 /// A text that is not empty.
@@ -261,6 +274,7 @@ mod tests {
             description: format!("What {name} feels like."),
             family: None,
             images: Vec::new(),
+            image_mm: None,
             pattern: Pattern::default(),
             vector: Box::new([0.0; VECTOR_LEN]),
         }
@@ -298,6 +312,9 @@ mod tests {
         library.encoder = Some("../models/e.onnx".into());
         library.materials[1].family = Some("weave".into());
         library.materials[2].images = vec!["a.png".into(), "b \"c\".jpg".into()];
+        library.materials[2].image_mm = Some(10.24);
+        assert!(reads_back(&library).starts_with("Library(\n    version: 4,\n"));
+        library.materials[2].image_mm = None;
         let text = reads_back(&library);
         assert!(text.starts_with("Library(\n    version: 2,\n    encoder: \"../models/e.onnx\",\n"));
         assert_eq!(library.encoder().unwrap(), Path::new("some/where/../models/e.onnx"));
@@ -359,7 +376,7 @@ mod tests {
             assert!(e.starts_with("m.ron:3:") && e.contains(what), "{e}");
         }
         for (text, what) in [
-            ("Library(version: 4, materials: {})", "m.ron:1:18: 4 is out of range"),
+            ("Library(version: 5, materials: {})", "m.ron:1:18: 5 is out of range"),
             ("Library(version: 1, materials: {})", "without materials"),
             ("Library(version: 1)", "`materials` is missing"),
             (&with_vector("[]").replace("description", "descripton"), "`description` is missing"),

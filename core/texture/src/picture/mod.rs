@@ -1,9 +1,12 @@
 //! Tactile images: the picture for the image encoder, and its files.
 
+pub(crate) mod plane;
+mod quality;
 mod read;
 #[cfg(test)]
 mod read_tests;
 
+pub use quality::Quality;
 pub use read::{MAX_BYTES, MAX_PIXELS, MIN_SIDE, Picture, read};
 
 /// Rows and columns of an image.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, Step};
+use asperity_graph::{BufferEntry, Schedule, ScheduledInput, ScheduledOutput, SlowestPath, Step};
 use asperity_node::{Fact, FactValue};
 use serde_json::{Value, json};
 
@@ -11,10 +11,12 @@ use crate::commands::nodes::param_json;
 use crate::commands::render::report::{dropped_json, facts_json};
 use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
-use crate::load::{self, GraphArgs};
+use crate::lag::{self, Lag};
+use crate::load::{self, GraphArgs, Loaded};
 
-/// Check a graph: order, buffers, rates, latency per path, what was dropped and why
+/// Check a graph, and print its order, buffers, rates, response lag and dropped nodes
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity check graphs/texture.ron"]))]
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,
@@ -25,13 +27,15 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let mut kinds = Kinds::new(&args.graph.plugins.plugin).looking();
-    let schedule = load::load(&args.graph, &mut kinds)?.compiled.schedule;
-    print_report(args.json, || as_json(&schedule), || text_of(&schedule))?;
+    let Loaded { graph, registry, compiled, .. } = load::load(&args.graph, &mut kinds)?;
+    let schedule = compiled.schedule;
+    let lag = Lag::of(&graph, &registry, &schedule);
+    print_report(args.json, || as_json(&schedule, &lag), || text_of(&schedule, &lag))?;
     load::warnings(&schedule).iter().for_each(|warning| warn(warning));
     Ok(())
 }
 
-fn text_of(schedule: &Schedule) -> String {
+fn text_of(schedule: &Schedule, lag: &Lag) -> String {
     let mut out = String::new();
     let Schedule { tick_hz, audio_hz, seed, .. } = schedule;
     let _ = writeln!(out, "{tick_hz} ticks/s, audio at {audio_hz} Hz, seed {seed}");
@@ -56,19 +60,10 @@ fn text_of(schedule: &Schedule) -> String {
     let (constants, outputs) = buffer_counts(schedule);
     let counts = outputs.map(|(kind, n)| format!("{n} {kind}"));
     let _ = writeln!(out, "\nbuffers   {}; {constants} constant inputs", counts.join(", "));
-    let _ = writeln!(out, "\nlatency");
-    if schedule.paths.is_empty() {
-        let _ = writeln!(out, "      no path leads from a source to a sink");
-    }
-    for path in &schedule.paths {
-        let name = |i: usize| schedule.nodes[i].id.as_str();
-        let range = if path.least == path.most {
-            format!("{:.4} ms", path.most.ms())
-        } else {
-            format!("{:.4} to {:.4} ms", path.least.ms(), path.most.ms())
-        };
-        let through: Vec<&str> = path.through.iter().map(|&i| name(i)).collect();
-        let _ = writeln!(out, "      {} to {}: {range}", name(path.from), name(path.to));
+    let _ = writeln!(out, "\nlatency   {lag}");
+    for (to, path) in slowest_paths(schedule) {
+        let through: Vec<&str> = path.through.iter().map(|&i| schedule.nodes[i].id.as_str()).collect();
+        let _ = writeln!(out, "      {}: {:.4} ms declared", schedule.nodes[to].id, path.latency.ms());
         let _ = writeln!(out, "        {}", through.join(" -> "));
     }
     let _ = writeln!(out, "\ndropped");
@@ -83,6 +78,12 @@ fn text_of(schedule: &Schedule) -> String {
         ids => writeln!(out, "\nallocates while it runs, so not fit for real time: {}", ids.join(", ")),
     };
     out
+}
+
+/// Every sink, and the slowest path to it.
+fn slowest_paths(schedule: &Schedule) -> impl Iterator<Item = (usize, SlowestPath)> {
+    let sinks = (0..schedule.nodes.len()).filter(|&i| schedule.nodes[i].sink);
+    sinks.map(|to| (to, schedule.slowest_path(to)))
 }
 
 fn is_zero(fact: &Fact) -> bool {
@@ -131,7 +132,7 @@ fn buffer_counts(schedule: &Schedule) -> (usize, [(&'static str, usize); 4]) {
     (constants, ["Control", "Audio", "Magnitude", "Spectrum"].map(count))
 }
 
-fn as_json(schedule: &Schedule) -> Value {
+fn as_json(schedule: &Schedule, lag: &Lag) -> Value {
     let id = |i: usize| schedule.nodes[i].id.as_str();
     let ids = |all: &[usize]| all.iter().map(|&i| id(i)).collect::<Vec<_>>();
     let input = |input: &ScheduledInput| {
@@ -167,12 +168,9 @@ fn as_json(schedule: &Schedule) -> Value {
         Step::Absorb(i) => ("absorb", id(i)),
     });
     let (constants, counts) = buffer_counts(schedule);
-    let paths = schedule.paths.iter().map(|p| {
-        json!({
-            "from": id(p.from), "to": id(p.to), "least_ms": p.least.ms(), "most_ms": p.most.ms(),
-            "through": ids(&p.through),
-        })
-    });
+    let paths = slowest_paths(schedule).map(
+        |(to, path)| json!({ "to": id(to), "declared_ms": path.latency.ms(), "through": ids(&path.through) }),
+    );
     json!({
         "tick_hz": schedule.tick_hz,
         "audio_hz": schedule.audio_hz,
@@ -180,8 +178,8 @@ fn as_json(schedule: &Schedule) -> Value {
         "nodes": nodes.collect::<Vec<_>>(),
         "steps": steps.collect::<Vec<_>>(),
         "buffers": { "constants": constants, "outputs": counts.into_iter().collect::<BTreeMap<_, _>>() },
-        "latency": paths.collect::<Vec<_>>(),
-        "latency_ms": schedule.latency().ms(),
+        "latency": lag::json(lag),
+        "paths": paths.collect::<Vec<_>>(),
         "dropped": dropped_json(schedule),
         "allocation_free": schedule.allocating().is_empty(),
     })

@@ -14,23 +14,27 @@ use crate::number::{number, whole};
 /// Results of the shipped trade-off.
 const SHIPPED: &str = include_str!("../../../../graphs/tradeoffs/results.json");
 
-/// Print the best setting that a budget of time and lag allows, as a fragment to paste into a graph
+/// Print the best setting within a budget of time and lag, ready to paste into a graph
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity choose --budget-us 100 --max-lag-ms 40",
+    "asperity choose out/mine --by perceptual,level",
+]))]
 pub struct Args {
-    /// Results of `asperity tradeoff`: the folder, or its results.json; the shipped results, unless given
+    /// Results of `asperity tradeoff`: the folder or its results.json; by default the shipped results
     #[arg(value_name = "RESULTS", value_parser = crate::shipped::path())]
     pub results: Option<PathBuf>,
-    /// Longest tick in microseconds: of its median, and of its 99.9th percentile without the machine's stalls
+    /// Longest tick in microseconds: limits the median, and the 99.9th percentile without machine stalls
     #[arg(long, value_name = "US", value_parser = number(1e-3, 1e9, "us"))]
     pub budget_us: Option<f64>,
-    /// Longest response lag in milliseconds: 50 % of a step of the stylus's speed
+    /// Longest response lag in milliseconds: until half of the answer to a step of speed
     #[arg(long, value_name = "MS", value_parser = number(0.0, 1e6, "ms"))]
     pub max_lag_ms: Option<f64>,
     /// Include the machine's stalls in the 99.9th percentile
     #[arg(long)]
     pub strict: bool,
-    /// Figures to rank by, the most important first: perceptual, modulation, spectrum, bands, level,
-    /// repetition, kurtosis, steadiness, pitch, convergence, precision; all but the last two, unless given
+    /// Figures to rank by, most important first: perceptual, modulation, spectrum, bands, level,
+    /// repetition, kurtosis, steadiness, pitch, convergence, precision. By default all but the last two
     #[arg(long, value_name = "FIGURE,...", value_delimiter = ',')]
     pub by: Vec<String>,
     /// Required tick rate in Hz

@@ -8,6 +8,7 @@ use crate::failure::{Failure, plural, print_report};
 
 /// List audio hosts and devices: rates, formats, channels, buffer sizes
 #[derive(Debug, clap::Args)]
+#[command(after_help = super::examples(&["asperity devices"]))]
 pub struct Args {
     /// Print JSON
     #[arg(long)]
@@ -18,6 +19,21 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let hosts = asperity_audio::hosts();
     print_report(args.json, || &hosts, || text(&hosts))
 }
+
+/// The next steps where there is a device to play on.
+const FOUND: &str = "\
+`--device` takes a name, an id, or HOST:ID. Without a sound card: --device simulated:frames=256
+To find the actuator: asperity tone --device D --channel 1 --hz 80 --amps 0.05
+";
+
+/// The next steps where there is none.
+const NOTHING: &str = "\
+There is nothing to play on. Do one of these:
+  Plug in a sound card, such as a USB audio interface, and run this command again.
+  Start the sound server of your desktop: PipeWire or PulseAudio. Or start JACK.
+  Play without a sound card. The page in your browser shows what would be played:
+      asperity run graphs/live.ron --device simulated:frames=256 --page
+";
 
 fn text(hosts: &[HostInfo]) -> String {
     let mut out = String::new();
@@ -31,11 +47,8 @@ fn text(hosts: &[HostInfo]) -> String {
         host.devices.iter().for_each(|d| device(&mut out, d));
         out.push('\n');
     }
-    let _ = writeln!(
-        out,
-        "`--device` takes a name, an id, or HOST:ID. Without a sound card: --device simulated:frames=256\n\
-         To find the actuator: asperity tone --device D --channel 1 --hz 80 --amps 0.05"
-    );
+    let plays = |host: &HostInfo| host.devices.iter().any(|device| device.output.is_some());
+    out.push_str(if hosts.iter().any(plays) { FOUND } else { NOTHING });
     out
 }
 

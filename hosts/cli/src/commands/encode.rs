@@ -4,12 +4,15 @@ use std::fs::File;
 use std::path::{Component, Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, MAX_TEXT_BYTES, Source, file};
+use asperity_texture::picture::{self, Quality};
+use asperity_texture::statistics::{Statistics, Strangeness};
 use asperity_texture::{
-    Assignment, BLENDED, Encoder, Library, LibraryMaterial, Neighbour, VECTOR_LEN, picture,
+    Assignment, BLENDED, Encoded, Encoder, Library, LibraryMaterial, Neighbour, VECTOR_LEN,
 };
 use clap::ValueEnum;
+use serde_json::{Value, json};
 
-use crate::failure::{Failure, clean, print, warn, wrong};
+use crate::failure::{Failure, clean, json as as_text, print, warn, wrong};
 use crate::number::whole;
 use crate::output::{folder_of, resolved, write_text};
 
@@ -26,9 +29,15 @@ pub enum As {
 
 /// Find the materials nearest to pictures of a surface, and add one to a library
 ///
-/// A picture is cropped to its middle of 4 to 3 and scaled to 192 x 256 pixels. Both are reported.
+/// A picture is cropped to its middle of 4 to 3 and scaled to 192 x 256 pixels. Both are reported. A picture
+/// that is blank, saturated or out of focus is refused. One that is unlike what the encoder was trained on is
+/// compared, but not added.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity encode rug.png --library mine/materials.ron --dry-run",
+    "asperity encode rug_1.png rug_2.png --library mine/materials.ron --name rug --family carpet",
+]))]
 pub struct Args {
     /// Tactile images of one material: PNG, JPEG or BMP. Several images give their mean vector
     #[arg(required = true, value_name = "IMAGE", value_parser = crate::shipped::path())]
@@ -54,9 +63,15 @@ pub struct Args {
     /// Number of nearest materials to list (by default 5), and to blend with `--as blend` (by default 3)
     #[arg(long, value_name = "N", value_parser = whole(1_usize, 4096, ""))]
     pub neighbours: Option<usize>,
+    /// Add the material even if a picture is unlike what the encoder was trained on
+    #[arg(long)]
+    pub accept_unlike: bool,
     /// Dry run: add nothing to the library
     #[arg(long)]
     pub dry_run: bool,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
 }
 
 fn family(text: &str) -> Result<String, String> {
@@ -64,6 +79,14 @@ fn family(text: &str) -> Result<String, String> {
 }
 
 type Vector = [f32; VECTOR_LEN];
+
+/// A picture, and what the encoder says of it.
+struct Seen<'a> {
+    path: &'a Path,
+    notes: Vec<String>,
+    quality: Quality,
+    encoded: Encoded,
+}
 
 const LISTED: usize = 5;
 
@@ -78,20 +101,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         warn(&what);
     }
     let encoder = encoder(args, &library)?;
-    let mut out = String::new();
-    let mut vectors = Vec::with_capacity(args.images.len());
-    for path in &args.images {
-        let picture = picture::read(path)?;
-        let path = clean(&path.display().to_string());
-        picture.notes.iter().for_each(|note| out += &format!("{path}: {note}\n"));
-        vectors.push(encoder.encode(&picture.image)?);
-    }
-    let sum = |i: usize| vectors.iter().map(|v| f64::from(v[i])).sum::<f64>();
-    let mean: Vector = std::array::from_fn(|i| (sum(i) / vectors.len().max(1) as f64) as f32);
-    if vectors.len() > 1 {
-        out += &spread(args, &library, &vectors, &mean);
-    }
-    out += &list(&library.nearest(&mean, args.neighbours.unwrap_or(LISTED)));
+    let seen = args.images.iter().map(|path| look(path, &encoder)).collect::<Result<Vec<Seen<'_>>, _>>()?;
+    let sum = |i: usize| seen.iter().map(|s| f64::from(s.encoded.vector[i])).sum::<f64>();
+    let mean: Vector = std::array::from_fn(|i| (sum(i) / seen.len().max(1) as f64) as f32);
+    let near = library.nearest(&mean, args.neighbours.unwrap_or(LISTED));
     let nearest = library.nearest(&mean, 1);
     let nearest = nearest.first().map(|n| n.material);
     let (how, gets) = match args.how {
@@ -106,25 +119,55 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             (Assignment::Blend(count), format!("a blend of the nearest {found}"))
         }
     };
+    let unlike: Vec<Diagnostic> = seen.iter().filter_map(Seen::unlike).collect();
+    let adds = !args.dry_run && (args.accept_unlike || unlike.is_empty());
+    let say = |last: String| match args.json {
+        true => print(&as_text(&report(&library, &seen, &mean, &near, (&name, &gets, adds)))?),
+        false => print(&(text(&library, &seen, &mean, &near) + &last)),
+    };
+    if encoder.statistics().is_none() {
+        let beside = Statistics::beside(encoder.path());
+        let missing = format!("the encoder has no statistics, {}", beside.display());
+        warn(&format!("{missing}: whether a picture is unlike the training pictures cannot be told"));
+    }
+    if !adds && !args.dry_run {
+        say(String::new())?;
+        return Err(unlike.into());
+    }
+    for d in &unlike {
+        let path = d.path().map(|path| path.display().to_string()).unwrap_or_default();
+        warn(&clean(&format!("{path}: {}", d.message)));
+    }
     let (shown, will) = (clean(&name), clean(&gets));
     if args.dry_run {
-        return print(&format!("{out}\n`{shown}` would get {will}; nothing was added\n"));
+        return say(format!("\n`{shown}` would get {will}; nothing was added\n"));
     }
-    let from = match vectors.len() {
+    let from = match seen.len() {
         1 => "a picture".to_owned(),
         n => format!("{n} pictures"),
     };
     let material = LibraryMaterial {
-        name,
+        name: name.clone(),
         description: args.description.clone().unwrap_or_else(|| format!("From {from}: {gets}.")),
         family: args.family.clone(),
         images: args.images.iter().map(|image| beside(&args.library, image)).collect::<Result<_, _>>()?,
+        image_mm: None,
         // A picture does not show where ridges and bumps are: the nearest material's are taken.
         pattern: nearest.map(|m| m.pattern.clone()).unwrap_or_default(),
         vector: library.assign(&mean, how),
     };
     add(&args.library, &material)?;
-    print(&format!("{out}\nadded `{shown}` to {}: {will}\n", args.library.display()))
+    say(format!("\nadded `{shown}` to {}: {will}\n", args.library.display()))
+}
+
+/// Reads, checks and encodes a picture.
+fn look<'a>(path: &'a Path, encoder: &Encoder) -> Result<Seen<'a>, Failure> {
+    let picture = picture::read(path)?;
+    let quality = Quality::of(&picture.image);
+    if let Some((what, help)) = quality.fault() {
+        return Err(wrong(path, what, help));
+    }
+    Ok(Seen { path, notes: picture.notes, quality, encoded: encoder.look(&picture.image)? })
 }
 
 fn name(args: &Args) -> Result<String, Failure> {
@@ -157,21 +200,82 @@ fn encoder(args: &Args, library: &Library) -> Result<Encoder, Failure> {
     Encoder::load(&path).map_err(|e| Failure::from(e).named_by(&by))
 }
 
-/// The nearest material of each picture, and the spread of the pictures.
-fn spread(args: &Args, library: &Library, vectors: &[Vector], mean: &Vector) -> String {
+impl Seen<'_> {
+    /// The error for a picture that is unlike the training pictures.
+    fn unlike(&self) -> Option<Diagnostic> {
+        let found = self.encoded.strangeness.as_ref().filter(|s| s.is_unlike())?;
+        let (far, limit, layer) = (found.distance, found.limit, clean(&found.layer));
+        let what = format!(
+            "this picture is unlike those that the encoder was trained on: distance {far:.1} in its layer \
+             `{layer}`, limit {limit:.1}"
+        );
+        let help = "its nearest materials mean little; `--accept-unlike` adds it all the same";
+        Some(Diagnostic::new(what).in_file(self.path).help(help))
+    }
+}
+
+/// Notes and strangeness of each picture, the spread of several, and the list of materials.
+fn text(library: &Library, seen: &[Seen<'_>], mean: &Vector, near: &[Neighbour<'_>]) -> String {
     let mut out = String::new();
-    for (path, vector) in args.images.iter().zip(vectors) {
-        if let Some(first) = library.nearest(vector, 1).first() {
-            let (path, name, far) = (path.display(), clean(&first.material.name), first.distance);
+    for Seen { path, notes, encoded, .. } in seen {
+        let path = clean(&path.display().to_string());
+        notes.iter().for_each(|note| out += &format!("{path}: {note}\n"));
+        if let Some(s) = &encoded.strangeness {
+            let (part, layer) = (100.0 * s.distance / s.limit, clean(&s.layer));
+            out += &format!("{path}: strangeness {part:.0} % of the limit, in layer `{layer}`\n");
+        }
+        if let Some(first) = library.nearest(&encoded.vector, 1).first().filter(|_| seen.len() > 1) {
+            let (name, far) = (clean(&first.material.name), first.distance);
             out += &format!("{path}: nearest `{name}`, at {far:.4}\n");
         }
     }
-    let square = |v: &Vector| v.iter().zip(mean).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum();
-    let squares: Vec<f64> = vectors.iter().map(square).collect();
-    let count = squares.len();
-    let rms = (squares.iter().sum::<f64>() / count as f64).sqrt();
-    let most = squares.iter().copied().fold(0.0, f64::max).sqrt();
-    out + &format!("spread of {count} pictures around their mean: {rms:.4} rms, {most:.4} at most\n")
+    if seen.len() > 1 {
+        let [rms, most] = spread(seen, mean);
+        let count = seen.len();
+        out += &format!("spread of {count} pictures around their mean: {rms:.4} rms, {most:.4} at most\n");
+    }
+    out + &list(near)
+}
+
+/// Distances of the pictures' vectors from their mean: root mean square, and the largest.
+fn spread(seen: &[Seen<'_>], mean: &Vector) -> [f64; 2] {
+    let square = |s: &Seen<'_>| {
+        let apart = s.encoded.vector.iter().zip(mean);
+        apart.map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2)).sum::<f64>()
+    };
+    let squares: Vec<f64> = seen.iter().map(square).collect();
+    let mean = squares.iter().sum::<f64>() / squares.len().max(1) as f64;
+    [mean, squares.into_iter().fold(0.0, f64::max)].map(f64::sqrt)
+}
+
+fn report(
+    library: &Library,
+    seen: &[Seen<'_>],
+    mean: &Vector,
+    near: &[Neighbour<'_>],
+    (name, gets, added): (&str, &str, bool),
+) -> Value {
+    let neighbour = |n: &Neighbour<'_>| json!({ "name": n.material.name, "family": n.material.family, "distance": n.distance });
+    let strangeness = |s: &Strangeness| json!({ "layer": s.layer, "distance": s.distance, "limit": s.limit, "unlike": s.is_unlike() });
+    let image = |s: &Seen<'_>| {
+        json!({
+            "path": s.path.display().to_string(),
+            "notes": s.notes,
+            "contrast": s.quality.contrast,
+            "saturated": s.quality.saturated,
+            "detail": s.quality.detail,
+            "sharpness": s.quality.sharpness,
+            "strangeness": s.encoded.strangeness.as_ref().map(strangeness),
+            "nearest": library.nearest(&s.encoded.vector, 1).first().map(neighbour),
+        })
+    };
+    let [rms, most] = spread(seen, mean);
+    json!({
+        "images": seen.iter().map(image).collect::<Vec<_>>(),
+        "spread": { "rms": rms, "most": most },
+        "nearest": near.iter().map(neighbour).collect::<Vec<_>>(),
+        "material": { "name": name, "vector": gets, "added": added },
+    })
 }
 
 fn list(near: &[Neighbour<'_>]) -> String {

@@ -14,10 +14,11 @@ use crate::output::{apart, named, write_text};
 
 /// Draw a graph as a picture
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity graph graphs/texture.ron --svg texture.svg"]))]
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// Picture file
+    /// Picture file; - writes to the standard output
     #[arg(long, value_name = "F.svg")]
     pub svg: PathBuf,
 }

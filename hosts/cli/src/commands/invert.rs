@@ -9,13 +9,16 @@ use asperity_engine::NoClock;
 use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
-use crate::output::{Format, Pending, Rows, apart, ending, named};
+use crate::output::{Format, Pending, Rows, apart, audio_ending, named};
 use crate::phase::{Frames, Method, Played, check_rate};
 
-/// Turn magnitude frames from NumPy into a signal by a phase-retrieval node
+/// Turn magnitude frames from NumPy into a signal with a phase-retrieval node
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity invert --phase sample_commit --magnitudes frames.npy --rate 2500 --out signal.wav",
+]))]
 pub struct Args {
-    /// Phase-retrieval node: KIND, or KIND:param=value,... ; `default` is that of graphs/texture.ron.
+    /// Phase-retrieval node, with its settings; `default` is the node of graphs/texture.ron.
     /// Offline methods: griffin_lim, fast_griffin_lim
     #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
     pub phase: String,
@@ -25,7 +28,7 @@ pub struct Args {
     /// Sample rate of the signal
     #[arg(long, value_name = "HZ")]
     pub rate: u32,
-    /// Output file of the signal: .wav (float) or .npy. Frame n covers samples [floor(n rate/500), + N)
+    /// Output file: .wav (float) or .npy. Frame n begins at sample floor(n * rate / 500)
     #[arg(long, value_name = "Y.wav|.npy")]
     pub out: PathBuf,
     /// Seed of random numbers
@@ -52,7 +55,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let frames = Arc::new(frames);
     let method = Method::parse(&args.phase, &registry)?;
-    let mut rows = match ending(&args.out).as_str() {
+    let mut rows = match audio_ending(&args.out).as_str() {
         "wav" => Rows::wav(Pending::create(&args.out)?, 1, rate, Format::F32)?,
         "npy" => Rows::npy(Pending::create(&args.out)?, None)?,
         _ => {

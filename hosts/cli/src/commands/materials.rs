@@ -10,8 +10,12 @@ use crate::failure::{Failure, clean, plural, print_report};
 
 /// List the materials of a library: names, families, descriptions, pictures
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity materials",
+    "asperity materials --library mine/materials.ron --json",
+]))]
 pub struct Args {
-    /// The library
+    /// Library file
     #[arg(long, value_name = "L.ron", value_parser = crate::shipped::path(),
         default_value = "graphs/models/surfaces/materials.ron")]
     pub library: PathBuf,

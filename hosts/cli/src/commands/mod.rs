@@ -5,12 +5,14 @@ pub mod calibrate;
 pub mod check;
 pub mod choose;
 pub mod compare;
+pub mod completions;
 pub mod devices;
 pub mod encode;
 pub mod fit_ar;
 pub mod graph;
 pub mod invert;
 pub mod latency;
+pub mod man;
 pub mod materials;
 pub mod nodes;
 pub mod plugin;
@@ -25,13 +27,25 @@ pub mod tone;
 pub mod tradeoff;
 pub mod trust;
 
-use clap::{CommandFactory as _, Subcommand};
+use clap::{ArgAction, CommandFactory as _, Subcommand};
 
 use crate::failure::Failure;
 
 /// The program's whole command line: for completions, man pages and the reference.
 pub fn command() -> clap::Command {
-    crate::Cli::command()
+    tell_repeatable(crate::Cli::command())
+}
+
+/// Adds to the help of every option that may be repeated that it may.
+fn tell_repeatable(command: clap::Command) -> clap::Command {
+    let told = |arg: clap::Arg| match (arg.get_action(), arg.get_help()) {
+        (ArgAction::Append, Some(help)) if !arg.is_positional() => {
+            let help = format!("{help}. May be repeated");
+            arg.help(help)
+        }
+        _ => arg,
+    };
+    command.mut_args(told).mut_subcommands(tell_repeatable)
 }
 
 /// Help that follows the options of a command: lines to try.
@@ -69,6 +83,8 @@ pub enum Command {
     #[command(subcommand)]
     Plugin(plugin::Command),
     Trust(trust::Args),
+    Completions(completions::Args),
+    Man(man::Args),
 }
 
 impl Command {
@@ -98,6 +114,8 @@ impl Command {
             Command::SelfTest(args) => selftest::run(&args),
             Command::Plugin(command) => plugin::run(&command),
             Command::Trust(args) => trust::run(&args),
+            Command::Completions(args) => completions::run(&args),
+            Command::Man(args) => man::run(&args),
         }
     }
 }

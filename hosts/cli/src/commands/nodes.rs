@@ -10,8 +10,12 @@ use crate::load::PluginArgs;
 
 /// List the kinds of nodes, or describe one: ports, units, parameters
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity nodes",
+    "asperity nodes texture_network",
+]))]
 pub struct Args {
-    /// Describe this kind
+    /// Kind to describe; without one, all kinds are listed
     pub kind: Option<String>,
     #[command(flatten)]
     pub plugins: PluginArgs,

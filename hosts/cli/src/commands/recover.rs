@@ -7,11 +7,15 @@ use asperity_diagnostics::Diagnostic;
 use crate::failure::{Failure, print, warn};
 use crate::output::{GROWING, Recovered, recover};
 
-/// Complete recordings that a killed run left
+/// Complete recordings that a killed run left behind
 ///
-/// A recording that grows is called take.wav.recording. This command corrects its header and renames it to
-/// take.wav, or to take-1.wav if take.wav exists.
+/// An unfinished recording is called take.wav.recording. This command corrects its header and renames it to
+/// take.wav. If there is a take.wav already, the new name is take-1.wav.
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity recover",
+    "asperity recover take.wav.recording",
+]))]
 pub struct Args {
     /// Recording, or folder of recordings
     #[arg(value_name = "FILE|FOLDER", default_value = ".")]

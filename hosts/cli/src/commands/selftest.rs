@@ -25,23 +25,27 @@ pub enum EffortOf {
     Long,
 }
 
-/// Run hard cases over a graph and its plugins: all must stay finite and bounded, and recover
+/// Run hard cases over a graph and its plugins: the output must stay finite and bounded, and recover
 ///
-/// Without a graph, only the cases that look at kinds of nodes are run, over all kinds that are found.
-/// Check a plugin that may crash with `plugin check` first: here it runs in this process.
+/// Without a graph, runs the cases that check kinds of nodes, over all kinds. Plugins run in this process:
+/// check a plugin that may crash with `plugin check` first.
 /// Exit code 0: all cases that apply hold; 1: one fails; 2: the graph does not load.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity selftest graphs/texture.ron",
+    "asperity selftest graphs/texture.ron --family motion --verbose",
+]))]
 pub struct Args {
     /// A graph or scene file; without one, only kinds of nodes are checked
     #[arg(value_parser = crate::shipped::path())]
     pub graph: Option<PathBuf>,
-    /// Set a parameter of the graph: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
+    /// Set a parameter of the graph, such as motion.cutoff_hz=30, or tick_hz, audio_hz, seed
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE", requires = "graph")]
     pub set: Vec<String>,
-    /// Run the cases of this family only; may be given more than once
+    /// Run the cases of this family only
     #[arg(long = "family", value_name = "FAMILY")]
     pub family: Vec<String>,
-    /// Run this case only; may be given more than once
+    /// Run this case only
     #[arg(long = "case", value_name = "CASE")]
     pub case: Vec<String>,
     /// Effort of each case

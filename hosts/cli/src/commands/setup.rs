@@ -14,22 +14,23 @@ use crate::machine::{Machine, default_path};
 use crate::number::{channel, number};
 use crate::output::Pending;
 
-/// Write down what stands behind a channel of the sound card: actuator, volts, amplifier
+/// Describe the actuator and the amplifier behind a channel of the sound card
 ///
-/// The file holds for every graph: no graph can raise its limits, and a graph that contradicts it is
-/// refused. At a terminal, options that are missing are asked for.
+/// The description applies to every graph. No graph can raise its limits, and a graph that contradicts it
+/// is refused. At a terminal, the command asks for missing options.
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity setup --device \"USB Audio\" --channel 3"]))]
 pub struct Args {
-    /// Device: its name or id, as `asperity devices` lists it
+    /// Name or id of the device, as `asperity devices` lists it
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
     /// Channel of the device, from 1
     #[arg(long, value_name = "N", value_parser = channel)]
     pub channel: Option<u16>,
-    /// The actuator on it: a shipped profile or a .ron file
+    /// Actuator on the channel: a shipped profile or a .ron file
     #[arg(long, value_name = "PROFILE")]
     pub profile: Option<String>,
-    /// Mass of the handle that it is fixed to
+    /// Mass of the handle that holds the actuator
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub handle_mass_g: Option<f64>,
     /// Peak volts of the card at full scale
@@ -42,7 +43,7 @@ pub struct Args {
     #[arg(long, value_name = "V/V", conflicts_with = "amps_per_volt")]
     #[arg(value_parser = number(1e-3, 1000.0, "V/V"))]
     pub volts_per_volt: Option<f64>,
-    /// Most volts that the card may put out; by default full scale
+    /// Limit of the card's output voltage; by default full scale
     #[arg(long, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
     pub most_volts: Option<f64>,
     /// File to write; by default your own

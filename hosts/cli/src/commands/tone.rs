@@ -10,16 +10,19 @@ use crate::card::{ActuatorArgs, OutputArgs, TICK_HZ, Watching, graph, output_nod
 use crate::failure::{Failure, complain, print};
 use crate::number::{number, whole};
 
-/// Play a sine on one channel of a device, behind the actuator's limiter, to find the actuator
+/// Play a sine on one channel of a device, to find the actuator; the actuator's limits apply
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity tone --device \"USB Audio\" --channel 3 --hz 80 --amps 0.05",
+]))]
 pub struct Args {
     #[command(flatten)]
     pub output: OutputArgs,
     /// Frequency, at most 0.45 of the audio rate
     #[arg(long, default_value_t = 80.0, value_name = "HZ", value_parser = number(1.0, 20_000.0, "Hz"))]
     pub hz: f64,
-    /// Peak current, behind an amplifier of `--amps-per-volt`
+    /// Peak current, with an amplifier of `--amps-per-volt`
     #[arg(long, default_value_t = 0.05, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
     pub amps: f64,
     /// Duration

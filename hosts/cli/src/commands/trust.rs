@@ -14,14 +14,18 @@ use crate::output;
 
 /// Let graphs load plugins from a folder, or list such folders
 ///
-/// A plugin may do whatever you may, from the moment it is loaded. A plugin that a graph names is loaded
-/// only from a trusted folder, or if --plugin or ASPERITY_PLUGIN_PATH names it too. ASPERITY_TRUST lists
-/// more folders.
+/// A plugin can do anything that you can, from the moment it is loaded. So a graph loads plugins only from
+/// trusted folders, or if --plugin or ASPERITY_PLUGIN_PATH names them too. ASPERITY_TRUST lists more
+/// trusted folders.
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity trust ~/asperity/plugins",
+    "asperity trust ~/asperity/plugins --remove",
+]))]
 pub struct Args {
-    /// The folder; without one, the trusted folders are listed
+    /// Folder to trust; without one, the trusted folders are listed
     pub folder: Option<PathBuf>,
-    /// Trust it no more
+    /// Stop trusting the folder
     #[arg(long, requires = "folder")]
     pub remove: bool,
 }

@@ -6,30 +6,39 @@ pub mod files;
 mod stylus;
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
-use asperity_diagnostics::{Diagnostic, Source};
-use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
+use asperity_diagnostics::{Diagnostic, Source, file};
+use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput};
+use asperity_motion::ColumnMap;
 use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
-use crate::failure::{Failure, clean, warn};
+use crate::failure::{Failure, clean, warn, wrong};
 use crate::kinds::{self, Kinds};
+use crate::output::{ending, is_standard};
 
 /// A graph and changes to it.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct GraphArgs {
-    /// Graph file or scene file
+    /// Graph file or scene file; - reads the standard input
     #[arg(value_parser = crate::shipped::path())]
     pub graph: PathBuf,
-    /// Set a parameter: NODE.PARAM=VALUE, NODE.every=N, or tick_hz, audio_hz, seed
+    /// Set a parameter, such as motion.cutoff_hz=30, or tick_hz, audio_hz, seed.
+    /// NODE.every=N runs a node in every Nth tick
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
-    /// Play this CSV in place of the graph's trajectory, stroke or hand
-    #[arg(long, value_name = "TRAJ.csv", value_parser = crate::shipped::path())]
+    /// Play this recorded stroke instead of the graph's own; - reads the standard input
+    #[arg(long, value_name = "STROKE.csv", value_parser = crate::shipped::path())]
     pub input: Option<PathBuf>,
+    /// Repeat the recorded stroke. Between its end and its start, the stylus moves back in the air
+    #[arg(long = "loop", conflicts_with = "hand")]
+    pub repeat: bool,
+    #[command(flatten)]
+    pub columns: ColumnArgs,
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input", help = hand_help())]
     pub hand: Option<String>,
-    /// Keep nodes that lead to no sink; build the nodes of effects that no surface of a scene has
+    /// Keep nodes that no output needs. In a scene, also build effects that no surface has
     #[arg(long)]
     pub no_prune: bool,
     /// Treat passivity violations of a scene as errors
@@ -48,13 +57,31 @@ impl GraphArgs {
 fn hand_help() -> String {
     let registry = asperity_hand::register(Registry::new());
     let hands: Vec<&str> = registry.with_role(Role::Hand).map(stylus::hand_name).collect();
-    format!("Let a hand move the stylus in place of the graph's trajectory or stroke: {}", hands.join(", "))
+    format!("Let a hand device move the stylus instead of the graph's own stroke: {}", hands.join(", "))
+}
+
+/// Columns of strokes.
+#[derive(Clone, Debug, Default, clap::Args)]
+pub struct ColumnArgs {
+    /// Read a quantity of a stroke from this column: --map force_n=Fz:N. May be repeated
+    ///
+    /// NAME is a column that Asperity reads, such as t_s, x_mm, speed_mm_s or force_n. COLUMN is its name in
+    /// the file, or its number where the file names none; a minus sign before it turns its sign. UNIT is the
+    /// unit in the file: s, ms, us; m, cm, mm, um; N, mN, kN, g, gf, kgf; m/s, cm/s, mm/s; m/s^2, g, mg.
+    #[arg(long, value_name = "NAME=COLUMN[:UNIT]")]
+    pub map: Vec<String>,
+}
+
+impl ColumnArgs {
+    pub fn parsed(&self) -> Result<ColumnMap, Diagnostic> {
+        ColumnMap::parse(&self.map).map_err(|e| e.in_file("--map"))
+    }
 }
 
 /// Plugins to load.
 #[derive(Clone, Debug, Default, clap::Args)]
 pub struct PluginArgs {
-    /// Load a plugin: its file, or its name to be found along ASPERITY_PLUGIN_PATH
+    /// Plugin to load: a file, or a name to look for in the folders of ASPERITY_PLUGIN_PATH
     #[arg(long = "plugin", value_name = "P")]
     pub plugin: Vec<PathBuf>,
 }
@@ -86,7 +113,7 @@ pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
 
 /// Reads a graph, or lowers a scene to one, and applies the arguments to it.
 pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
-    let source = Source::read(&args.graph)?;
+    let source = source_of(args)?;
     if !Scene::is_meant(&source) {
         return Ok((changed(GraphFile::parse(&source)?, args)?, None));
     }
@@ -104,6 +131,37 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
     let graph = changed(lowered.graph, args)?;
     let files = scene.files(&registry);
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
+}
+
+/// Reads the graph or scene, and the standard input where the arguments name it.
+fn source_of(args: &GraphArgs) -> Result<Arc<Source>, Failure> {
+    let stdin = [Some(&args.graph), args.input.as_ref()].into_iter().flatten().filter(|p| is_standard(p));
+    match stdin.count() {
+        0 => {}
+        1 => file::take_stdin()?,
+        _ => {
+            let what = "the graph and --input cannot both be the standard input";
+            return Err(wrong("-", what, "give one of the two as a file"));
+        }
+    }
+    let source = Source::read(&args.graph)?;
+    if is_table(&source) {
+        let path = args.graph.display();
+        return Err(wrong(
+            &args.graph,
+            "this is a CSV; did you mean `--input`?",
+            format!(
+                "to play it as a stroke: asperity render graphs/texture.ron --input {path} --out out.wav"
+            ),
+        ));
+    }
+    Ok(source)
+}
+
+/// Whether a text is a CSV table, not a graph or scene.
+fn is_table(source: &Source) -> bool {
+    let names_columns = |line: &str| line.split(',').any(|name| name.trim(['#', ' ', '"']) == "t_s");
+    ending(source.path()) == "csv" || source.text().lines().next().is_some_and(names_columns)
 }
 
 pub fn compile(
@@ -150,11 +208,17 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let mut kinds = Kinds::new(&plugins.plugin);
     let (whole, _) = read(&args, &mut kinds)?;
     let registry = kinds.registry(Some(&whole))?;
-    let mut graph = whole.clone();
-    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
-    let ids: Vec<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-    graph.wires.retain(|w| ids.contains(&w.to.node));
+    let graph = without_force(&whole, &registry);
     Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
+}
+
+/// A graph without the nodes that push back.
+pub fn without_force(graph: &GraphFile, registry: &Registry) -> GraphFile {
+    let mut graph = graph.clone();
+    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
+    let ids: std::collections::HashSet<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
+    graph.wires.retain(|w| ids.contains(&w.to.node));
+    graph
 }
 
 /// Warns of passivity violations of a scene, or makes them errors.
@@ -181,6 +245,13 @@ fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure>
     if let Some(hand) = &args.hand {
         stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
     }
+    if args.repeat {
+        stylus::repeat(&mut graph, &kinds::built_in())?;
+    }
+    if !args.columns.map.is_empty() {
+        args.columns.parsed()?;
+        stylus::map(&mut graph, &kinds::built_in(), &args.columns.map)?;
+    }
     for assignment in &args.set {
         graph.set(assignment, "--set")?;
     }
@@ -198,6 +269,9 @@ pub fn warn_about(schedule: &Schedule) {
 pub fn warnings(schedule: &Schedule) -> Vec<String> {
     let mut out = Vec::new();
     for node in &schedule.nodes {
+        if let Some(ignored) = node.facts.iter().find(|fact| fact.name == "ignored_columns") {
+            out.push(format!("`{}` ignores these columns of its file: {}", node.id, ignored.value));
+        }
         let emission = node.params.get_number("emission");
         let frames = node.inputs.first().and_then(frames_a_window);
         // Measured with the shipped model: right up to 0.57 of a window, 1.16 times as loud at 0.67,
@@ -213,16 +287,6 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
                 -100.0 * emission / frames,
                 0.5 * frames
             ));
-        }
-    }
-    let drives = |n: &&ScheduledNode| matches!(n.role, Some(Role::ActuatorInverse | Role::Limiter));
-    let drives: Vec<_> = schedule.nodes.iter().filter(drives).collect();
-    for pair in drives.windows(2) {
-        for name in ["profile", "handle_mass_g"] {
-            if pair[0].params.get(name) != pair[1].params.get(name) {
-                let (a, b) = (&pair[0].id, &pair[1].id);
-                out.push(format!("`{a}` and `{b}` are set to different actuators: `{name}` differs"));
-            }
         }
     }
     out

@@ -1,8 +1,9 @@
-//! `--input` and `--hand`: replaces the node that moves the stylus.
+//! `--input`, `--hand` and `--loop`: replaces or changes the node that moves the stylus.
 
 use std::path::Path;
 
 use asperity_diagnostics::one_of;
+use asperity_diagnostics::ron::quoted;
 use asperity_graph::GraphFile;
 use asperity_node::{Registry, Role};
 
@@ -18,6 +19,32 @@ pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(
     let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
     replace(graph, registry, i, "trajectory");
     graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
+    Ok(())
+}
+
+/// Repeats the recorded stroke: `--loop`.
+pub fn repeat(graph: &mut GraphFile, registry: &Registry) -> Result<(), Failure> {
+    let i = only(graph, registry, "--loop", "name the one you mean: --set NODE.loop=true")?;
+    let (id, kind) = (&graph.nodes[i].id, &graph.nodes[i].kind);
+    if kind != "trajectory" {
+        let what = format!("--loop repeats a recorded stroke, and `{id}` ({kind}) is none");
+        let help =
+            format!("play a recorded one: --input STROKE.csv; or a longer one: --set {id}.duration_s=S");
+        return Err(wrong(graph.source.path(), what, help));
+    }
+    graph.set(&format!("{id}.loop=true"), "--loop")?;
+    Ok(())
+}
+
+/// Names the columns of the stroke that is played: `--map force_n=Fz:N`.
+pub fn map(graph: &mut GraphFile, registry: &Registry, map: &[String]) -> Result<(), Failure> {
+    let i = only(graph, registry, "--map", "name the one you mean: --set 'NODE.map=[\"force_n=Fz:N\"]'")?;
+    if graph.nodes[i].kind != "trajectory" {
+        let what = "no file is played whose columns could be mapped";
+        return Err(wrong("--map", what, "play one: --input TRAJ.csv"));
+    }
+    let list: Vec<String> = map.iter().map(|text| quoted(text)).collect();
+    graph.set(&format!("{}.map=[{}]", graph.nodes[i].id, list.join(", ")), "--map")?;
     Ok(())
 }
 

@@ -6,19 +6,21 @@
 //!
 //! If the process is killed, the next one that writes into the folder of the journal finishes the renames.
 
+use std::fs::File;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::NamedTempFile;
 
-use super::{PART, Pending, claimed, folder_of, left_over, made, new_file, sync_folder};
-use crate::failure::Failure;
+use super::{PART, Pending, claimed, folder_of, is_standard, left_over, made, new_file, sync_folder};
+use crate::failure::{Failure, written};
 
 /// A journal's name: that of the first temporary file, with this ending.
 const JOURNAL: &str = ".renames";
 
 /// Gives all files their names, or none, and returns the names.
 pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
+    let (standard, files): (Vec<_>, Vec<_>) = files.into_iter().partition(|file| is_standard(&file.path));
     for file in &files {
         file.temp.as_file().sync_all().map_err(|e| Failure::writing(&file.path, e))?;
     }
@@ -33,6 +35,12 @@ pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
     kept.iter().for_each(|path| sync_folder(path));
     // Dropping a journal removes it.
     drop(journal);
+    for file in standard {
+        let copied =
+            File::open(file.temp.path()).and_then(|mut it| io::copy(&mut it, &mut io::stdout().lock()));
+        written(copied.and_then(|_| io::stdout().flush()))?;
+        kept.push(PathBuf::from("the standard output"));
+    }
     Ok(kept)
 }
 

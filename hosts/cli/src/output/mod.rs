@@ -13,7 +13,7 @@ use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
 use tempfile::{NamedTempFile, TempPath};
 
-use crate::failure::{Failure, clean, warn, without_path, wrong};
+use crate::failure::{self, Failure, clean, warn, without_path, wrong};
 
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
@@ -41,7 +41,13 @@ pub struct Pending {
 
 impl Pending {
     /// Creates one. The folder must exist. An existing path of the name must be a file; links are followed.
+    /// `-` is the standard output, to which the whole file is copied at last.
     pub fn create(path: &Path) -> Result<Self, Failure> {
+        if is_standard(path) {
+            failure::standard_output_is_taken();
+            let temp = NamedTempFile::new().map_err(|e| Failure::writing(path, e))?;
+            return Ok(Self { path: path.to_owned(), temp });
+        }
         let (path, there) = free(path)?;
         journal::tidy(&path);
         let dir = folder_of(&path);
@@ -126,6 +132,12 @@ fn refused(path: &Path, e: io::Error) -> Failure {
     match e.kind() {
         // Not an error of the user's input.
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Failure::writing(path, e),
+        ErrorKind::NotFound => {
+            let folder = folder_of(path);
+            let missing = folder.ancestors().take_while(|f| !f.exists()).last().unwrap_or(folder);
+            let what = format!("the folder {} does not exist", missing.display());
+            wrong(path, what, format!("make it first: mkdir -p {}", folder.display()))
+        }
         _ => Diagnostic::new(format!("cannot write here: {}", without_path(e))).in_file(path).into(),
     }
 }
@@ -201,9 +213,17 @@ pub fn permit(file: &Path, node: &str) -> Result<(), Diagnostic> {
     Ok(())
 }
 
+/// Whether a path of the command line is the standard input or output.
+pub fn is_standard(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
 /// A path that is the same for all names of a file, also of one that does not exist yet.
 pub fn resolved(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
+    if is_standard(&path) {
+        return path;
+    }
     // Follow links by hand: their target may not exist yet. A cycle ends after 40 steps.
     for _ in 0..40 {
         let Ok(target) = std::fs::read_link(&path) else { break };
@@ -228,6 +248,7 @@ pub fn named(options: &[(&str, Option<&PathBuf>)]) -> Vec<Named> {
 
 /// Refuses to write where a file is read, or where another one is written.
 pub fn apart(read: Vec<Named>, written: Vec<Named>) -> Result<(), Failure> {
+    let read: Vec<Named> = read.into_iter().filter(|(path, _)| !is_standard(path)).collect();
     let reads = read.len();
     let all: Vec<Named> = read.into_iter().chain(written).map(|(path, who)| (resolved(&path), who)).collect();
     for (i, (path, who)) in all.iter().enumerate().skip(reads) {
@@ -254,6 +275,11 @@ pub fn ends_in_ron(path: &Path, what: &str) -> Result<(), Failure> {
 /// The extension of a file's name, in lower case.
 pub fn ending(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
+}
+
+/// Ending that says the format of a file of samples; WAV on the standard output.
+pub fn audio_ending(path: &Path) -> String {
+    if is_standard(path) { "wav".to_owned() } else { ending(path) }
 }
 
 /// A file of rows of samples or values: WAV, NumPy or CSV.

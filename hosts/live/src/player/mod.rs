@@ -22,6 +22,7 @@ use crate::ForceModel;
 use crate::driver::{Rates, Ticker};
 use crate::now_ns;
 use crate::output_limits::Seen;
+use crate::run_control::RunControl;
 
 opaque_debug!(Player);
 
@@ -34,6 +35,9 @@ pub mod place {
     /// Number of the touch.
     pub const STROKE: usize = 2;
 }
+
+/// Shortest time in which the strength of the output goes from nothing to all [s].
+const STRENGTH_S: f32 = 0.02;
 
 /// The program's clock for the engine during a tick; notes which node is called.
 struct Now<'a> {
@@ -65,6 +69,9 @@ pub struct Player {
     mic: Option<MicReader>,
     /// Heat of the coils behind the device.
     coils: Arc<Seen>,
+    /// Strength of the output after the last tick and the next, and who sets it.
+    strength: [f32; 2],
+    run_control: RunControl,
     wirings: HeapCons<Box<Wiring>>,
     retired: HeapProd<Box<Wiring>>,
     /// Replaced, and not yet returned to the control thread.
@@ -85,7 +92,14 @@ impl Player {
         // A graph that only records has a device all the same, which plays silence.
         let channels = wiring.outs.len().max(1);
         let rates = Rates { tick_hz: schedule.tick_hz.max(1), rate_hz: schedule.audio_hz, channels };
-        Self { engine, wiring, mic, coils, wirings, retired, over: None, rates }
+        let (strength, run_control) = ([1.0; 2], RunControl::default());
+        Self { engine, wiring, mic, coils, strength, run_control, wirings, retired, over: None, rates }
+    }
+
+    /// Takes the strength of the output from a run's control. Before the run.
+    pub(crate) fn obey(&mut self, run_control: &RunControl) {
+        self.run_control = run_control.clone();
+        self.strength = [run_control.strength(); 2];
     }
 
     /// The engine, for reports after the run.
@@ -117,12 +131,16 @@ impl Player {
         }
     }
 
-    /// Sets the limiters' coil heat to that of the device's coils.
-    fn warm(&mut self) {
+    /// Tells the limiters the heat of the device's coils, and the strength of the output.
+    fn prepare_limiters(&mut self) {
+        let step = 1.0 / (STRENGTH_S * self.rates.tick_hz as f32);
+        let now = self.strength[1];
+        self.strength = [now, now + (self.run_control.strength() - now).clamp(-step, step)];
         if self.wired() {
             for (limiter, heat) in self.wiring.limiters.iter().zip(self.coils.heat()) {
                 if let Some(node) = *limiter {
                     self.engine.warm(node, heat);
+                    self.engine.attenuate(node, self.strength[1]);
                 }
             }
         }
@@ -172,7 +190,7 @@ impl Player {
         self.samples(out);
         self.push_back();
         for scope in &mut self.wiring.scopes {
-            scope.take(&self.engine);
+            scope.take(&self.engine, self.strength);
         }
         for tape in &mut self.wiring.tapes {
             tape.take(&self.engine);
@@ -217,7 +235,7 @@ impl Ticker for Player {
     fn tick(&mut self, time_ns: u64, out: &mut [f32]) {
         self.give_back();
         self.feed(time_ns);
-        self.warm();
+        self.prepare_limiters();
         let Wiring { spent, meters, .. } = &mut *self.wiring;
         spent.fill(0);
         let tick = self.engine.next_tick();

@@ -51,6 +51,8 @@ pub(crate) struct Hand {
 pub(crate) struct Scope {
     pub(crate) node: usize,
     pub(crate) output: usize,
+    /// Whether it is shown as strong as it is played: it comes before a limiter.
+    pub(crate) attenuated: bool,
     /// Samples; a vector control gives its length (a speed, a force).
     pub(crate) to: HeapProd<f32>,
 }
@@ -71,8 +73,8 @@ impl Hand {
 }
 
 impl Scope {
-    /// Takes down a tick. Tick thread.
-    pub(super) fn take(&mut self, engine: &Engine) {
+    /// Takes down a tick, over which the strength goes from one value to the other. Tick thread.
+    pub(super) fn take(&mut self, engine: &Engine, [from, to]: [f32; 2]) {
         match engine.output(self.node, self.output) {
             Some(Buffer::Control { values, .. }) => {
                 let length = values.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -80,7 +82,14 @@ impl Scope {
                 let _ = self.to.try_push(value as f32);
             }
             Some(Buffer::Audio { samples, len, .. }) => {
-                self.to.push_slice(&samples[..*len]);
+                let samples = &samples[..*len];
+                if !self.attenuated || [from, to] == [1.0; 2] {
+                    self.to.push_slice(samples);
+                    return;
+                }
+                let step = (to - from) / (*len).max(1) as f32;
+                let gain = |i: usize| from + step * (i + 1) as f32;
+                self.to.push_iter(samples.iter().enumerate().map(|(i, x)| x * gain(i)));
             }
             _ => {}
         }

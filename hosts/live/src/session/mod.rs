@@ -131,12 +131,13 @@ impl Session {
     /// The reason of the device or the system; nothing runs then.
     pub fn start(
         graph_controller: GraphController,
-        player: Player,
+        mut player: Player,
         mic: Option<MicWriter>,
         mut options: SessionOptions,
     ) -> Result<Self, SessionError> {
         let (custody, monitor) = (Custody::new(graph_controller.limits()), options.coil_monitor.take());
         let tick_hz = graph_controller.schedule().tick_hz;
+        player.obey(&options.run_control);
         let mut it = Self {
             graph_controller,
             driver: None,
@@ -249,6 +250,7 @@ impl Session {
             number: self.views,
             condition: self.condition(),
             muted: self.run_control().muted(),
+            strength: self.run_control().strength(),
             clock: self.driver.as_ref().map_or("", |d| d.clock().name()).into(),
             device: self.name.clone(),
             period_frames: self.card.as_ref().and_then(|c| c.stream.period()).unwrap_or(0),

@@ -270,7 +270,15 @@ fn hostile(x: f64, n: u64, name: &str) -> (Layout, View) {
         audio_hz: n as u32,
         nodes: vec![node; 40],
         scopes: vec![ScopeLayout { name: text(), unit: text(), rate_hz: n as u32 }; 9],
-        materials: vec![Materials { node: text(), chosen: text(), names: vec![text(); 3] }; 5],
+        materials: vec![
+            Materials {
+                node: text(),
+                chosen: text(),
+                names: vec![text(); 3],
+                gallery: Vec::new()
+            };
+            5
+        ],
         ..Layout::default()
     };
     let (quarantined, stalled) = (n % 2 == 1, n % 2 == 1);

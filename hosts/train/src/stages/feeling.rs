@@ -316,6 +316,7 @@ mod tests {
             description: String::new(),
             family: Some(if name == "a" { "x" } else { "y" }.into()),
             images: Parts::default(),
+            image_mm: None,
             examples: Parts { train: vec![example.clone()], held: Vec::new() },
             truth: Truth::Rms,
             notes: Vec::new(),

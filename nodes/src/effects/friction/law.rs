@@ -36,6 +36,17 @@
 //!
 //! so no tick is too long. Along it `F v` rises, or falls to a limit that takes energy. A call returns the
 //! force at the tick's end. So this force takes at least the energy that the exact one takes.
+//!
+//! # Usual values
+//!
+//! Usual values are as stiff as Colgate's bound allows, `b > K (T/2 + t_d) + |B|`, on the shipped devices:
+//!
+//! - b = 2 N s/m, the damping that every shipped scene states;
+//! - T = 2 ms: the graph computes friction once a tick, at 500 Hz unless it says otherwise;
+//! - t_d = 0.5 ms, the exchange with an Inverse3; a Touch and a simulated device have none;
+//! - F_n = 3.3 N, the largest normal force.
+//!
+//! So `1.5 ms K + |B|` has to stay below 2 N s/m.
 
 use crate::prelude::*;
 use asperity_numbers::Elementary as _;
@@ -44,8 +55,15 @@ use asperity_state::State;
 use crate::effects::bounds::{counted_positive, counted_vector, dot};
 use crate::effects::voices::Voice;
 
-/// The usual slope of viscous friction \[s/mm\]: half the normal force at 125 mm/s.
-pub(crate) const VISCOSITY_S_PER_MM: f64 = 0.004;
+/// The usual slope of viscous friction \[s/mm\]: a twentieth of the normal force at 100 mm/s.
+///
+/// See [usual values](self#usual-values): the slope c has B = c F_n, so c has to be below 2 / 3300 s/mm.
+pub(crate) const VISCOSITY_S_PER_MM: f64 = 0.0005;
+
+/// The usual stiffness of a bristle \[N/mm\]: at 1 N and a coefficient of 0.3, it sticks for 0.3 mm.
+///
+/// See [usual values](self#usual-values): alone, it takes 1.5 N s/m of the 2.
+pub(crate) const BRISTLE_N_PER_MM: f64 = 1.0;
 
 /// Settings of LuGre friction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,13 +82,13 @@ pub(crate) struct LuGreSettings {
 }
 
 impl Default for LuGreSettings {
-    /// Rubber on glass, to a stylus on a device of 1 N s/m at 1 kHz.
+    /// Rubber on glass. Bristle and damping take 1.8 of the 2 N s/m of the [usual values](self#usual-values).
     fn default() -> Self {
         Self {
             static_coefficient: 0.8,
             kinetic_coefficient: 0.5,
             stribeck_speed_mm_s: 30.0,
-            bristle_stiffness_n_per_mm: 1.0,
+            bristle_stiffness_n_per_mm: BRISTLE_N_PER_MM,
             bristle_damping_ns_per_m: 0.3,
             viscosity_s_per_mm: 0.0,
         }
@@ -202,7 +220,7 @@ impl Rubbing {
     }
 
     /// The law at rest under this normal force, along the surface: the bristle's stiffness and damping, and
-    /// the viscous part. With the usual slope, viscous friction has 4 N s/m under a newton.
+    /// the viscous part. With the usual slope, viscous friction has 0.5 N s/m under a newton.
     pub(crate) fn law(&self, normal_force_n: f64) -> Law {
         let normal = counted_positive(normal_force_n);
         let (stiffness_n_per_mm, damping_ns_per_m) = match self.model {

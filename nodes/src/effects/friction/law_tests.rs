@@ -323,7 +323,7 @@ fn falling_normal_force_releases_bristle_none_gives_zero() {
 
 #[test]
 fn it_is_drag_in_proportion_to_the_normal_force_up_to_coulombs() {
-    let mut f = Rubbing::viscous_coulomb(0.5, VISCOSITY_S_PER_MM);
+    let mut f = Rubbing::viscous_coulomb(0.5, 0.004);
     // 2 N at 60 and 80 mm/s: 2 * 0.004 * 100 = 0.8 N against it.
     let force = f.step([60.0, -80.0], 2.0, 0.0);
     assert!((force[0] + 0.48).abs() < 1e-15 && (force[1] - 0.64).abs() < 1e-15, "{force:?}");

@@ -6,7 +6,7 @@ mod stick_slip_tests;
 
 use crate::prelude::*;
 
-pub(super) use law::{LuGreSettings, Rubbing, VISCOSITY_S_PER_MM};
+pub(super) use law::{BRISTLE_N_PER_MM, LuGreSettings, Rubbing, VISCOSITY_S_PER_MM};
 
 use super::voices::Voices;
 use super::{Renders, each, let_go, put, slot, vector};
@@ -67,12 +67,12 @@ fn effect() -> Effect {
             .doc("viscous friction, as a fraction of the normal force per mm/s")
     };
     let viscous_coulomb =
-        Form::new("viscous_coulomb", "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.004)")
+        Form::new("viscous_coulomb", "viscous_coulomb(coefficient: 0.3, viscosity_s_per_mm: 0.0005)")
             .field(coefficient("coefficient", 0.3))
             .field(viscosity(VISCOSITY_S_PER_MM));
     let dahl = Form::new("dahl", "dahl(coefficient: 0.3, bristle_stiffness_n_per_mm: 1)")
         .field(coefficient("coefficient", 0.3))
-        .field(bristle(1.0));
+        .field(bristle(BRISTLE_N_PER_MM));
     let lugre = Form::new(
         "lugre",
         "lugre(static_coefficient: 0.8, kinetic_coefficient: 0.5, stribeck_speed_mm_s: 30, \
@@ -87,9 +87,9 @@ fn effect() -> Effect {
     .doc("damping of the contact while it sticks")
     .field(viscosity(usual.viscosity_s_per_mm));
     Effect::new("laws", Acts::Touching)
-        .form(viscous_coulomb)
         .form(dahl)
         .form(lugre)
+        .form(viscous_coulomb)
         .needs("velocity", "slide")
         .needs("force", "force")
         .needs("tangents", "tangents")

@@ -37,35 +37,38 @@ pub enum DriveKind {
 
 /// Measure an actuator with an accelerometer on its handle, and write its profile
 ///
-/// It plays a quiet sweep, then the measurement, both behind the limiter of the base profile. Exit code 0:
+/// Plays a quiet sweep, then the measurement. The limits of the base profile apply to both. Exit code 0:
 /// the profile is written; 1: the measurement is wrong; 2: the arguments are wrong.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity calibrate --out mine.ron --handle-mass-g 60 --accelerometer-full-scale 100",
+]))]
 pub struct Args {
     #[command(flatten)]
     pub output: OutputArgs,
-    /// Device to record from; by default the same host's default
+    /// Device to record from; by default the host's default input
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
     /// Input channel of the accelerometer, from 1
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
     pub input_channel: u16,
-    /// Profile to write; nothing is written unless all succeeds
+    /// Profile to write. Nothing is written if anything fails
     #[arg(long, value_name = "PROFILE.ron")]
     pub out: PathBuf,
     /// Mass of the handle with housing and accelerometer, but without the mover
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub handle_mass_g: f64,
-    /// Wait for Enter, and measure again at this mass of the handle: this gives the moving mass too
+    /// Second mass of the handle. Waits for Enter and measures again, which gives the moving mass too
     #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
     pub second_mass_g: Option<f64>,
     /// Uncertainty of the handle's mass: half of the 95 % interval
     #[arg(long, default_value_t = 1.0, value_name = "PERCENT", value_parser = number(0.01, 50.0, "%"))]
     pub mass_uncertainty: f64,
-    /// Acceleration at full scale of the card's input: its volts there / the accelerometer's volts per m/s^2
+    /// Acceleration at full scale of the input: its volts divided by the accelerometer's volts per m/s^2
     #[arg(long, value_name = "M/S2", value_parser = number(1e-3, 1e6, "m/s^2"))]
     pub accelerometer_full_scale: f64,
-    /// Profile whose limits hold, and whose figures are used where none is measured: a shipped one or a file
+    /// Profile for the limits, and for figures that are not measured: a shipped one or a file
     #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
     pub base: String,
     /// Peak of the sweep's current; by default 0.1
@@ -101,7 +104,7 @@ pub struct Args {
     /// Draw magnitude, phase and coherence, measured and fitted
     #[arg(long, value_name = "P.svg")]
     pub plot: Option<PathBuf>,
-    /// Write the profile also if the measurement is poor
+    /// Write the profile even if the measurement is poor
     #[arg(long)]
     pub anyway: bool,
     /// Do not wait for Enter before the second measurement

@@ -29,9 +29,12 @@ const SEED: u64 = 1;
 /// Figures of a method, measured or published.
 #[derive(Clone, Debug, Serialize)]
 pub struct Row {
+    /// A published method has the number of its reference behind its name, so that no node is called alike.
     pub label: String,
     /// The node's kind; `None` for a published method.
     pub kind: Option<String>,
+    /// Where a published method comes from.
+    pub reference: Option<Cited>,
     /// Score on each vector, by the vector's name.
     pub scores: BTreeMap<String, Option<Score>>,
     /// Declared latency; early where it is negative.
@@ -46,6 +49,13 @@ pub struct Row {
     #[serde(serialize_with = "serialize_rhythm")]
     pub rhythm: Option<Rhythm>,
     pub notes: Vec<String>,
+}
+
+/// A reference and its number.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cited {
+    pub number: usize,
+    pub text: String,
 }
 
 fn serialize_rhythm<S: Serializer>(rhythm: &Option<Rhythm>, to: S) -> Result<S::Ok, S::Error> {
@@ -67,6 +77,7 @@ impl Row {
         Self {
             label: label.to_owned(),
             kind: None,
+            reference: None,
             scores: set.vectors.iter().map(|v| (v.name.clone(), None)).collect(),
             latency_ms: None,
             offline: false,
@@ -133,11 +144,16 @@ pub fn published(set: &Set) -> Vec<Row> {
     let row = |name: &String| {
         let score = |v: &Vector| (v.name.clone(), theirs(v).and_then(|all| all.get(name)).copied());
         let frames = set.published.latency_frames.get(name);
+        let references = &set.published.references;
+        let at = references.iter().position(|reference| reference.methods.contains(name));
+        let text = at.map_or("no reference is given".to_owned(), |at| references[at].to_string());
+        let number = at.unwrap_or(references.len()) + 1;
         Row {
+            reference: Some(Cited { number, text }),
             scores: set.vectors.iter().map(score).collect(),
             latency_ms: frames.and_then(Value::as_f64).map(|f| f * 1e3 / f64::from(FRAME_HZ)),
             offline: frames.is_some_and(|f| f == "offline"),
-            ..Row::new(name, set)
+            ..Row::new(&format!("{name} [{number}]"), set)
         }
     };
     let mut rows: Vec<Row> = names.into_iter().map(row).collect();

@@ -20,23 +20,27 @@ use crate::phase::{Chain, Method, retrievers};
 use contest::{Outcome, Row};
 use vectors::Set;
 
-/// Run every phase-retrieval node over vectors: accuracy, response lag, latency, cost
+/// Compare all phase-retrieval nodes: accuracy, response lag, latency, cost
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity compare --svg compare.svg",
+    "asperity compare --phase sample_commit:emission=0 --csv compare.csv",
+]))]
 pub struct Args {
-    /// Folder of vectors: NAME_RATE.mag.npy (float32 [frames, bins], unscaled Hann-windowed DFTs of 0.1 s,
-    /// 2 ms apart) or NAME_RATE.sig.npy (a signal), and sc.json with published scores. By default the
-    /// built-in set
+    /// Folder of test vectors; by default the built-in set. NAME_RATE.mag.npy has magnitudes: float32
+    /// [frames, bins], unscaled DFTs of 0.1 s under a Hann window, 2 ms apart. NAME_RATE.sig.npy has a
+    /// signal, and sc.json published scores
     #[arg(long, value_name = "DIR")]
     pub vectors: Option<PathBuf>,
-    /// Node with settings, in a row of its own beside the nodes with defaults
+    /// Add a row for a node with these settings
     #[arg(long, value_name = "KIND[:param=value,...]")]
     pub phase: Vec<String>,
     #[command(flatten)]
     pub plugins: PluginArgs,
-    /// Draw all figures
+    /// Picture file of all figures
     #[arg(long, value_name = "F.svg")]
     pub svg: Option<PathBuf>,
-    /// Write all figures, a line for each method and vector
+    /// Table file of all figures: a line for each method and vector
     #[arg(long, value_name = "F.csv", conflicts_with = "json")]
     pub csv: Option<PathBuf>,
     /// Print JSON

@@ -1,5 +1,7 @@
 //! The result as text, JSON, CSV and picture.
 
+use std::collections::BTreeMap;
+
 use asperity_accuracy::accuracy::Rhythm;
 use asperity_accuracy::accuracy::rhythm::{self as agreement, RhythmAgreement};
 use asperity_plot::{Column, Dots};
@@ -82,7 +84,34 @@ pub fn text(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     if !notes.is_empty() {
         out += &format!("\nnotes (! marks a score of a run in which the node failed)\n{notes}");
     }
+    let cited = references(published);
+    if !cited.is_empty() {
+        out += "\nreferences of the published methods\n";
+    }
+    for (number, text) in cited {
+        out += &folded(&format!("[{number}] {text}"), 6);
+    }
     out
+}
+
+/// The references of published rows, by their numbers.
+fn references(published: &[Row]) -> BTreeMap<usize, &str> {
+    let cited = published.iter().filter_map(|row| row.reference.as_ref());
+    cited.map(|cited| (cited.number, cited.text.as_str())).collect()
+}
+
+/// A text in lines of at most 100 characters; those behind the first are indented.
+fn folded(text: &str, indent: usize) -> String {
+    let (mut out, mut line) = (String::new(), "  ".to_owned());
+    for word in text.split(' ') {
+        if line.chars().count() + word.chars().count() > 100 {
+            out += &format!("{}\n", line.trim_end());
+            line = " ".repeat(indent);
+        }
+        line += word;
+        line.push(' ');
+    }
+    out + line.trim_end() + "\n"
 }
 
 /// A number without a negative zero.
@@ -142,7 +171,7 @@ pub fn csv(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     const HEADER: &str = "\
         method,kind,published,vector,rate_hz,convergence_db,level_db,ltas_rms_db,faults,latency_ms,offline,\
         lag_texture_10_ms,lag_texture_50_ms,lag_texture_90_ms,lag_tone_10_ms,lag_tone_50_ms,lag_tone_90_ms,\
-        us_a_frame,pulses,repetition,kurtosis,noise_pulses,noise_repetition,noise_kurtosis,notes\n";
+        us_a_frame,pulses,repetition,kurtosis,noise_pulses,noise_repetition,noise_kurtosis,notes,reference\n";
     // A number to a ten-thousandth; nothing where there is none.
     let cell = |x: Option<f64>| x.map_or(String::new(), |x| format!("{x:.4}"));
     let rhythm = |r: Option<Rhythm>| {
@@ -170,6 +199,7 @@ pub fn csv(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
             cells.push(cell(row.us_a_frame.get(&vector.rate_hz).copied()));
             cells.extend(rhythm(row.rhythm).into_iter().chain(rhythm(outcome.noise)));
             cells.push(row.notes.join("; "));
+            cells.push(row.reference.as_ref().map_or(String::new(), |cited| cited.text.clone()));
             // Nothing fails in memory.
             let _ = lines.write_record(cells);
         }
@@ -235,5 +265,11 @@ pub fn svg(set: &Set, outcome: &Outcome, published: &[Row]) -> String {
     ];
     let labels = rows.iter().map(|r| r.label.clone()).collect();
     let title = "Phase retrieval compared".into();
-    Dots { title, subtitles, rows: labels, others: "published".into(), groups }.to_svg()
+    let notes = references(published).into_iter().map(|(number, text)| {
+        let of = published.iter().filter(|row| row.reference.as_ref().is_some_and(|r| r.number == number));
+        let names: Vec<&str> = of.filter_map(|row| row.label.split(' ').next()).collect();
+        format!("[{number}] {}: {text}", names.join(", "))
+    });
+    let notes = (!published.is_empty()).then(|| "Published:".to_owned()).into_iter().chain(notes).collect();
+    Dots { title, subtitles, rows: labels, others: "published".into(), groups, notes }.to_svg()
 }

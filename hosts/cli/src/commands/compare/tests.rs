@@ -132,7 +132,13 @@ fn published_rows_are_those_with_a_score_on_the_vectors() {
     assert_eq!(set.smoothest().name, "nnsmooth_2500");
     let rows = super::contest::published(&set);
     assert_eq!(rows.len(), 24);
-    let row = row(&rows, "scr5x5_centre");
+    // Each carries its reference, and no node can be called like it.
+    let cited = |label: &str| row(&rows, label).reference.as_ref().unwrap().text.clone();
+    assert!(cited("rtpghi0 [4]").contains("Sondergaard, Real-time Spectrogram Inversion"));
+    assert!(cited("rtpghi0 [4]").ends_with("DAFx, 2016"));
+    assert!(rows.iter().all(|row| row.label.ends_with(']') && row.reference.is_some()));
+    assert!(!rows.iter().any(|row| row.reference.as_ref().unwrap().text.contains("no reference")));
+    let row = row(&rows, "scr5x5_centre [13]");
     assert_eq!(row.latency_ms, Some(-50.0));
     assert_eq!(row.scores["texture_2500"].unwrap().convergence_db, -22.09);
     assert!(super::contest::published(&self::set()).is_empty());

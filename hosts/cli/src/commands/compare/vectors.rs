@@ -3,6 +3,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -233,4 +234,30 @@ pub struct Published {
     /// Latencies by the name of the method: a number of frames, or "offline".
     #[serde(default)]
     pub latency_frames: BTreeMap<String, Value>,
+    /// Where the methods come from.
+    #[serde(default)]
+    pub references: Vec<Reference>,
+}
+
+/// A publication, and the methods that it describes.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub struct Reference {
+    authors: String,
+    title: String,
+    r#in: String,
+    year: Option<u16>,
+    /// In place of the above: why there is no publication.
+    note: String,
+    pub methods: Vec<String>,
+}
+
+impl fmt::Display for Reference {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { authors, title, r#in, year, note, .. } = self;
+        let year = year.map(|year| year.to_string()).unwrap_or_default();
+        let parts = [authors, title, r#in, &year, note].map(String::as_str);
+        let parts: Vec<&str> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+        f.write_str(&parts.join(", "))
+    }
 }

@@ -13,6 +13,7 @@ use asperity_diagnostics::Diagnostic;
 use clap::ValueEnum;
 
 use crate::failure::{Failure, print_report, warn, wrong};
+use crate::load::ColumnArgs;
 use crate::number::{number, whole};
 use crate::output::{Pending, apart, ending, ends_in_ron, keep_all, named};
 use report::Report;
@@ -30,20 +31,25 @@ pub enum By {
 ///
 /// RECORDING is a table, a WAV file or a NumPy array, at 1 to 10 kHz. The first line of a table names its
 /// columns: t_s; force_n; vx_mm_s and vy_mm_s, or x_mm and y_mm, or speed_mm_s; at least one of ax_m_s2,
-/// ay_m_s2, az_m_s2, or acceleration_m_s2. recording.ron beside a WAV file names its channels. A NumPy
-/// array has a row for each sample. Hold speed and force for a second at each of some values.
+/// ay_m_s2, az_m_s2, or acceleration_m_s2. --map gives other names. recording.ron beside a WAV file names its
+/// channels. A NumPy array has a row for each sample. Hold several speeds and forces, a second each.
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity fit-ar rough.csv --out rough.ron --plot rough.svg",
+]))]
 pub struct Args {
     /// Recording: a CSV table, a WAV file or a .npy array
     pub recording: PathBuf,
+    #[command(flatten)]
+    pub map: ColumnArgs,
     /// Texture to write
     #[arg(long, value_name = "M.ron")]
     pub out: PathBuf,
     /// Sentence that describes how it feels
     #[arg(long, value_name = "TEXT")]
     pub description: Option<String>,
-    /// Order of the models; by default the best
+    /// Order of the models; by default the best up to --max-order
     #[arg(long, value_name = "P", conflicts_with_all = ["max_order", "by"])]
     #[arg(value_parser = whole(1_usize, 64, ""))]
     pub order: Option<usize>,
@@ -56,28 +62,28 @@ pub struct Args {
     /// Rate of the models
     #[arg(long, default_value_t = 1000, value_name = "HZ", value_parser = whole(500_u32, 10_000, "Hz"))]
     pub model_hz: u32,
-    /// Corner of the high-pass against slow motion, at most a tenth of the models' rate; 0 for none
+    /// Cutoff of the high-pass that removes slow motion, at most a tenth of the models' rate; 0 for none
     #[arg(long, default_value_t = 10.0, value_name = "HZ", value_parser = number(0.0, 1000.0, "Hz"))]
     pub high_pass_hz: f64,
     /// Shortest segment of constant speed and force to fit
     #[arg(long, default_value_t = 0.2, value_name = "S", value_parser = number(0.05, 10.0, "s"))]
     pub shortest_s: f64,
-    /// Least speed of a stroke
+    /// Lowest speed that counts as a stroke
     #[arg(long, default_value_t = 5.0, value_name = "MM/S", value_parser = number(0.0, 10_000.0, "mm/s"))]
     pub least_speed_mm_s: f64,
-    /// Least force of contact
+    /// Lowest force that counts as contact
     #[arg(long, default_value_t = 0.05, value_name = "N", value_parser = number(0.0, 100.0, "N"))]
     pub least_force_n: f64,
-    /// Largest deviation of a constant speed, and of equal speeds
+    /// Largest change of a speed that counts as constant, and between equal speeds
     #[arg(long, default_value_t = 10.0, value_name = "MM/S", value_parser = number(0.01, 10_000.0, "mm/s"))]
     pub speed_tolerance_mm_s: f64,
-    /// Largest deviation of a constant force, and of equal forces
+    /// Largest change of a force that counts as constant, and between equal forces
     #[arg(long, default_value_t = 0.1, value_name = "N", value_parser = number(1e-4, 100.0, "N"))]
     pub force_tolerance_n: f64,
-    /// The same as a part of speed and force, if that is more
+    /// The same, in percent of the speed or force; the larger of the two applies
     #[arg(long, default_value_t = 20.0, value_name = "PERCENT", value_parser = number(0.0, 100.0, "%"))]
     pub tolerance_percent: f64,
-    /// Most models; if there would be more, more segments share one
+    /// Largest number of models. Beyond it, more segments share a model
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = whole(1_usize, 256, ""))]
     pub most_models: usize,
     /// Columns of a .npy array, such as force_n,speed_mm_s,ax_m_s2; `none` for a column to skip
@@ -86,7 +92,7 @@ pub struct Args {
     /// Sample rate of a .npy array
     #[arg(long, value_name = "HZ", requires = "columns", value_parser = number(1000.0, 10_000.0, "Hz"))]
     pub rate_hz: Option<f64>,
-    /// Draw the models over speed and force, and their spectra beside those recorded
+    /// Picture file: the models over speed and force, and their spectra beside the recorded ones
     #[arg(long, value_name = "P.svg")]
     pub plot: Option<PathBuf>,
     /// Print JSON
@@ -176,7 +182,7 @@ fn settings(args: &Args) -> Settings {
 
 /// Reads the recording, by the ending of its name.
 fn read(args: &Args) -> Result<Recorded, Failure> {
-    let path = &args.recording;
+    let (path, map) = (&args.recording, args.map.parsed()?);
     let is_array = ending(path) == "npy";
     let Some(rate_hz) = args.rate_hz else {
         if is_array {
@@ -188,11 +194,14 @@ fn read(args: &Args) -> Result<Recorded, Failure> {
             ));
         }
         let known = ["csv", "wav"].contains(&ending(path).as_str());
-        return Ok(recordings::recorded(path).map_err(|e| match &e.help {
+        return Ok(recordings::recorded(path, &map).map_err(|e| match &e.help {
             None if !known => e.help("a recording is a table (.csv), a WAV file (.wav) or an array (.npy)"),
             _ => e,
         })?);
     };
+    if !map.is_empty() {
+        return Err(wrong("--map", "an array has no columns to map", "--columns names them"));
+    }
     if !is_array {
         let what = "a table names its own columns and has a clock, and a WAV file's are in recording.ron";
         return Err(wrong("--columns", what, "for a .npy array only"));

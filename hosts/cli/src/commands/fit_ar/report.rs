@@ -3,9 +3,10 @@
 use std::f64::consts::TAU;
 use std::path::PathBuf;
 
-use asperity_autoregressive::fit::{self, Band, Compared, Comparison, Segment, Why};
+use asperity_autoregressive::fit::{self, Band, Compared, Comparison, Dropped, Segment, Why};
 use asperity_autoregressive::{Model, Texture};
 use asperity_data::recordings::Recorded;
+use asperity_diagnostics::ron::quoted;
 use asperity_plot::{Fit, Spectrum};
 use serde_json::{Value, json};
 
@@ -14,6 +15,8 @@ use crate::failure::{clean, plural};
 
 /// Orders below and above the chosen one whose criterion is shown.
 const AROUND: usize = 3;
+/// Most stretches without a signal that are listed.
+const MOST_TOLD: usize = 8;
 /// Names of thirds of an octave from 25 Hz on (IEC 61260).
 const BANDS: [&str; 13] =
     ["25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400"];
@@ -55,6 +58,17 @@ impl Report<'_> {
         if !dropped.is_empty() {
             out += &format!("dropped       {}\n", dropped.join(", "));
         }
+        let no_signal = |d: &&Dropped| matches!(d.why, Why::Still | Why::Clipped | Why::Dead);
+        let no_signal: Vec<&Dropped> = fitted.dropped.iter().filter(no_signal).collect();
+        for Dropped { start_s, length_s, why } in no_signal.iter().take(MOST_TOLD) {
+            out += &format!("              {start_s:.2} to {:.2} s: {why}\n", start_s + length_s);
+        }
+        if let Some(more) = no_signal.len().checked_sub(MOST_TOLD).filter(|more| *more > 0) {
+            out += &format!("              and {more} more; --json lists them\n");
+        }
+        if !self.recorded.ignored.is_empty() {
+            out += &format!("ignored       columns {}\n", clean(&self.recorded.ignored.join(", ")));
+        }
         out += &format!(
             "order         {}\n\
              models        {models} at {:.0} Hz, {joined}\n\
@@ -90,6 +104,15 @@ impl Report<'_> {
         let worst = compared.all.worst().map_or_else(String::new, |b| format!(", at most {}", worst(b)));
         out += &format!("    all {:+.2} dB{worst}\n\n", compared.all.level_off_db());
         self.written.iter().for_each(|p| out += &format!("wrote {}\n", clean(&p.display().to_string())));
+        let path = quoted(&self.args.out.display().to_string());
+        let set = clean(&format!("graphs/fitted.ron --set 'texture.models=[{path}]'"));
+        out += &format!(
+            "\nrender it:  asperity render {set} --out fitted.wav\n\
+             feel it:    asperity run {set} --hand pointer --page\n\
+             in a graph: (kind: \"autoregressive\", params: (models: [{path}]))\n\
+             in a scene: texture: {path}\n",
+            path = clean(&path)
+        );
         out
     }
 
@@ -148,6 +171,7 @@ impl Report<'_> {
                 Why::NoContact => "no_contact",
                 Why::Slow => "slow",
                 Why::Click => "click",
+                Why::Dead => "dead",
                 Why::Unsteady => "unsteady",
                 Why::Short => "short",
             };
@@ -162,6 +186,7 @@ impl Report<'_> {
             "models": models.collect::<Vec<_>>(), "triangles": texture.triangles().corners(),
             "hull": { "speed_mm_s": speed, "force_n": force, "corners": corners },
             "segments": segments.collect::<Vec<_>>(), "dropped": dropped.collect::<Vec<_>>(),
+            "ignored_columns": self.recorded.ignored,
             "all": compared_json(&self.compared.all), "written": written,
         })
     }

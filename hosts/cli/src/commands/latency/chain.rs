@@ -12,17 +12,15 @@ use serde::Serialize;
 
 use super::{Args, Item};
 use crate::failure::{Failure, complain, wrong};
+use crate::lag::{self, Lag};
 use crate::load;
-
-/// Steps of speed: more make the level of a random texture more certain.
-const STEPS: usize = 148;
 
 #[derive(Serialize)]
 pub struct Chain {
     pub graph: String,
-    /// Milliseconds after a step of speed until the level has gone 10, 50 and 90 % of its way.
-    pub lag_ms: [f64; 3],
-    /// Known parts of the 50 %.
+    #[serde(rename = "latency", serialize_with = "lag::with_line")]
+    pub lag: Lag,
+    /// Known parts of the response lag.
     pub items: Vec<Item>,
 }
 
@@ -73,27 +71,25 @@ fn has(draft: &load::Offline, assignment: &str) -> bool {
 /// Runs a graph offline over strokes whose speed steps.
 pub fn measure(ready: Ready) -> Result<Chain, Failure> {
     let Ready { path, mut response, end } = ready;
-    let schedule = response.schedule().clone();
-    let Some(lag_ms) = response.lag_ms(0, STEPS) else {
-        let what = "the level does not rise with speed, so no answer to a step of it can be seen";
-        let help = match schedule.with_role(Role::Contact).next() {
-            Some(_) => {
-                "the stroke is 10 m along x at y = 0, 2 mm deep: use a `plane` or a rectangle of that \
-                 length, with a material whose level follows speed"
-            }
-            None => "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\"",
-        };
-        return Err(wrong(path, what, help));
+    let measured = lag::measure(&mut response);
+    let schedule = response.schedule();
+    let help = match schedule.with_role(Role::Contact).next() {
+        Some(_) => {
+            "the stroke is 10 m along x at y = 0, 2 mm deep: use a `plane` or a rectangle of that \
+             length, with a material whose level follows speed"
+        }
+        None => "choose a material whose level follows speed: --set texture.material=\"sandpaper P50\"",
     };
-    let items = items(&schedule, end, lag_ms[1]);
-    Ok(Chain { graph: path.display().to_string(), lag_ms, items })
+    let [_, half, _] = *measured.as_ref().map_err(|what| wrong(&path, what, help))?;
+    let items = items(schedule, end, half);
+    Ok(Chain { graph: path.display().to_string(), lag: Lag::new(measured, schedule), items })
 }
 
 /// Known parts of the lag up to a node, and the rest. Of parallel paths the slowest counts.
 fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<Item> {
     let mut items = Vec::new();
     let item = |what: String, ms: f64| Item { what, ms };
-    let (leads, slowest) = leading_to(schedule, end);
+    let (leads, slowest) = (leading_to(schedule, end), schedule.slowest_path(end).through);
     for (i, node) in schedule.nodes.iter().enumerate() {
         if leads[i]
             && node.role == Some(Role::Velocity)
@@ -105,7 +101,7 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<Item> {
             let ms = std::f64::consts::SQRT_2 / (std::f64::consts::TAU * hz) * 1e3;
             items.push(item(format!("`{}`: its low-pass, of {hz:.0} Hz at {at:.0} mm/s", node.id), ms));
         }
-        if slowest[i] && node.latency != Latency::ZERO {
+        if slowest.contains(&i) && node.latency > Latency::ZERO {
             items.push(item(format!("`{}` ({}): declared", node.id, node.kind), node.latency.ms()));
         }
     }
@@ -114,16 +110,13 @@ fn items(schedule: &Schedule, end: usize, lag_ms: f64) -> Vec<Item> {
     items
 }
 
-/// Nodes that lead to one, and nodes on the slowest path to it. Nodes are in the order in which they run.
-fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
-    let count = schedule.nodes.len();
+/// Whether each node leads to one, and not past a low-pass. Nodes are in the order in which they run.
+fn leading_to(schedule: &Schedule, end: usize) -> Vec<bool> {
     let mut leads: Vec<Vec<bool>> = schedule.nodes.iter().map(|n| vec![false; n.outputs.len()]).collect();
     if let Some(end) = leads.get_mut(end) {
         end.fill(true);
     }
-    // Of each node: the nodes before it on a path to the end.
-    let mut before: Vec<Vec<usize>> = vec![Vec::new(); count];
-    for i in (0..count).rev() {
+    for i in (0..schedule.nodes.len()).rev() {
         let node = &schedule.nodes[i];
         let wanted: Vec<&str> =
             node.outputs.iter().zip(&leads[i]).filter(|(_, on)| **on).map(|(o, _)| o.name.as_str()).collect();
@@ -133,27 +126,15 @@ fn leading_to(schedule: &Schedule, end: usize) -> (Vec<bool>, Vec<bool>) {
             let leads_on = passed && wanted.iter().any(|output| passes(node, &input.name, output));
             if let Some((from, output)) = input.from.filter(|(from, _)| leads_on && *from < i) {
                 leads[from][output] = true;
-                before[i].push(from);
             }
         }
-    }
-    let mut late_ms = vec![0.0; count];
-    for i in 0..count {
-        let most = before[i].iter().map(|n| late_ms[*n]).fold(f64::NEG_INFINITY, f64::max);
-        late_ms[i] = if most.is_finite() { most } else { 0.0 } + schedule.nodes[i].latency.ms();
-    }
-    let mut slowest = vec![false; count];
-    let mut at = (end < count).then_some(end);
-    while let Some(i) = at {
-        slowest[i] = true;
-        at = before[i].iter().copied().max_by(|a, b| late_ms[*a].total_cmp(&late_ms[*b]));
     }
     // A path past the low-pass is not delayed by it.
     let leads = schedule.nodes.iter().zip(&leads).map(|(node, outputs)| {
         let held = |o: usize| node.role != Some(Role::Velocity) || node.outputs[o].name != "unfiltered";
         outputs.iter().enumerate().any(|(o, on)| *on && held(o))
     });
-    (leads.collect(), slowest)
+    leads.collect()
 }
 
 /// Whether an output depends on an input in time: the point of contact does not depend on the speed.

@@ -20,26 +20,30 @@ use crate::number::{channel, number, whole};
 use chain::Chain;
 use loopback::{Loopback, TICK_MS};
 
-/// Report the response lag of graphs; measure a device's latency over a loopback from output to input
+/// Report the response lag of graphs, or measure a device's latency through a loopback cable
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = crate::number::may_be_negative, mut_args = with_graph_or_device)]
 #[command(group = ArgGroup::new("card").args(["host", "device"]).multiple(true))]
+#[command(after_help = crate::commands::examples(&[
+    "asperity latency graphs/texture.ron graphs/heravi2024.ron",
+    "asperity latency --device \"USB Audio\" --channel 3 --input-channel 1",
+]))]
 pub struct Args {
     /// Graphs whose response lag to a step of speed is reported
     #[arg(value_parser = crate::shipped::path())]
     pub graphs: Vec<PathBuf>,
     #[command(flatten)]
     pub output: OutputArgs,
-    /// Device to record from; by default the same host's default
+    /// Device to record from; by default the host's default input
     #[arg(long, value_name = "DEVICE")]
     pub input_device: Option<String>,
     /// Channel of the input that is connected to the output
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = channel)]
     pub input_channel: u16,
-    /// The loopback is inside the audio server, without a card
+    /// The loopback is inside the audio server, not a cable
     #[arg(long)]
     pub inside: bool,
-    /// Latency of the input from sound to callback, if known
+    /// Known latency of the input, from sound to callback
     #[arg(long, value_name = "MS", conflicts_with = "inside", value_parser = number(0.0, 10_000.0, "ms"))]
     pub input_latency_ms: Option<f64>,
     /// Number of clicks
@@ -48,7 +52,7 @@ pub struct Args {
     /// Height of a click
     #[arg(long, default_value_t = 0.1, value_name = "A", value_parser = number(1e-4, 100.0, "A"))]
     pub amps: f64,
-    /// Level at the input that counts as a click, of full scale
+    /// Input level that counts as a click, as a part of full scale
     #[arg(long, default_value_t = 0.01, value_name = "LEVEL")]
     #[arg(value_parser = number(1e-6, 1.0, "of full scale"))]
     pub level: f64,
@@ -121,20 +125,21 @@ fn text(chains: &[Chain], around: Option<&Loopback>) -> String {
             a.off_ms()
         );
     }
-    if chains.is_empty() {
-        return out;
+    for Chain { graph, lag, items: known } in chains {
+        out += &format!("{graph}: {lag}\n{}", items(known));
+        if let Ok([tenth, half, most]) = lag.measured {
+            out += &format!(
+                "  a step of speed shows by 10, 50 and 90 % after {tenth:.1}, {half:.1} and {most:.1} ms\n"
+            );
+            if let Some(around) = around {
+                let all = around.declared_ms() + half;
+                out += &format!("  response lag with the device: {all:.1} ms\n");
+            }
+        }
+        out += "\n";
     }
-    let width = chains.iter().map(|c| c.graph.chars().count()).max().unwrap_or(0).max(5);
-    let total = if around.is_some() { "   50 % with the above" } else { "" };
-    out += "answer to a step of speed, of the acceleration that goes to the actuator's inverse\n";
-    out += &format!("  {:width$}      10 %      50 %      90 %{total}\n", "graph");
-    for Chain { graph, lag_ms: [a, b, c], .. } in chains {
-        let total = around.map_or(String::new(), |a| format!("   {:8.1} ms", a.declared_ms() + b));
-        out += &format!("  {graph:width$}  {a:5.1} ms  {b:5.1} ms  {c:5.1} ms{total}\n");
-    }
-    for c in chains {
-        out += &format!("\nof these {:.1} ms, in {}\n{}", c.lag_ms[1], c.graph, items(&c.items));
-    }
+    out.truncate(out.trim_end().len());
+    out.push('\n');
     out
 }
 

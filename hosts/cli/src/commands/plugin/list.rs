@@ -7,8 +7,9 @@ use crate::failure::{Failure, print_report};
 use crate::kinds::{named_plugin, plugins_on_path};
 use crate::load::PluginArgs;
 
-/// List the plugins that are found, where, and the kinds they offer
+/// List the plugins that are found, their files and their kinds of nodes
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity plugin list"]))]
 pub struct Args {
     #[command(flatten)]
     pub plugins: PluginArgs,

@@ -12,7 +12,7 @@ use clap::Subcommand;
 
 use crate::failure::Failure;
 
-/// Make a plugin, check one, or list those that are found
+/// Make, check or list plugins
 #[derive(Debug, Subcommand)]
 pub enum Command {
     New(new::Args),
@@ -32,10 +32,10 @@ pub struct Cases {
     /// Check this kind of node only
     #[arg(long, value_name = "KIND")]
     pub kind: Option<String>,
-    /// Run this case only; may be given more than once
+    /// Run this case only
     #[arg(long = "case", value_name = "CASE")]
     pub case: Vec<String>,
-    /// Set a parameter of the kinds that have it, such as one that must be set
+    /// Set a parameter of every kind that has it
     #[arg(long = "set", value_name = "PARAM=VALUE")]
     pub set: Vec<String>,
     /// Number of random ticks
@@ -45,18 +45,22 @@ pub struct Cases {
 
 /// Run a plugin's conformance cases in a process of its own
 ///
-/// A crash, an abort or an endless loop is reported with its case, and the cases behind it still run. So
-/// are changes of the process: rounding, signal handlers, working directory, threads left behind. Exit code
-/// 0: all cases that apply pass; 1: one fails; 2: the plugin does not load.
+/// A crash, an abort or an endless loop is reported with its case, and the remaining cases still run. So are
+/// changes of the process: rounding, signal handlers, working directory, threads left behind. Exit code 0:
+/// all cases that apply pass; 1: one fails; 2: the plugin does not load.
 ///
-/// Allocations are counted on Linux with glibc, in the C library's malloc and free. Not seen are locks and
-/// system calls, threads of the plugin, memory from mmap or from an allocator that is linked into the
-/// plugin, and writes to foreign memory that do not crash.
+/// Allocations are counted on Linux with glibc, in the C library's malloc and free. The check does not see
+/// locks, system calls and threads of the plugin. Nor does it see memory from mmap or from an allocator in
+/// the plugin, or writes to foreign memory that do not crash.
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity plugin check target/release/libmine.so",
+    "asperity plugin check libmine.so --case nan --set frames=2",
+]))]
 pub struct CheckPlugin {
     #[command(flatten)]
     pub cases: Cases,
-    /// Longest wait for an answer of the plugin, to one call or a few
+    /// Longest wait for the plugin to return from a call
     #[arg(long, value_name = "S", default_value_t = 10)]
     pub patience: u64,
     /// Print JSON

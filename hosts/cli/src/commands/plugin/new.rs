@@ -35,10 +35,14 @@ pub enum Like {
     Effect,
 }
 
-/// Make a folder with a plugin that builds, to be changed
+/// Make a folder with a plugin that builds, ready to edit
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity plugin new mine",
+    "asperity plugin new mine --lang c --like audio",
+]))]
 pub struct Args {
-    /// Folder to make; its last part names the plugin and its kind
+    /// Folder to make. Its last part names the plugin and its kind of node
     pub name: String,
     /// Language
     #[arg(long, value_enum, default_value = "rust")]

@@ -20,46 +20,52 @@ use indicatif::ProgressBar;
 
 use crate::failure::{Failure, be_quiet, print, progress, wrong};
 use crate::kinds::Kinds;
+use crate::lag::Lag;
 use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number;
-use crate::output::{Format, Pending, Rows, ending, keep_all, named};
+use crate::output::{Format, Pending, Rows, audio_ending, ending, keep_all, named};
 use plot::Traces;
 use recorder::{Master, Recorder};
 use report::{Level, Run};
 use watch::{Extras, Watch};
 
-/// Render a graph to a WAV file, as fast as it goes
+/// Render a graph or scene to a WAV file, as fast as possible
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity render graphs/texture.ron --out canvas.wav --plot canvas.svg",
+    "asperity render graphs/texture.ron --out oak.wav --set texture.material=oak",
+    "asperity render graphs/texture.ron --out mine.wav --input stroke.csv --seconds 60 --loop",
+]))]
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// Output file of the samples of `audio_out`: .wav or .npy
+    /// Output file with a channel for each `audio_out`: .wav or .npy; - writes WAV to the standard output
     #[arg(long, value_name = "OUT.wav")]
     pub out: Option<PathBuf>,
     /// Sample format of the WAV file
     #[arg(long, value_enum, default_value = "f32")]
     pub format: Format,
-    /// How long to render; by default as long as the stroke lasts
+    /// Duration to render; by default the duration of the stroke
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub seconds: Option<f64>,
-    /// Write figures of the run as JSON
+    /// Report file: times, levels and faults of the run, as JSON; - writes to the standard output
     #[arg(long, value_name = "R.json")]
     pub report: Option<PathBuf>,
-    /// Record an output of a node
+    /// Record an output of a node to a file
     #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy")]
     pub probe: Vec<String>,
-    /// Draw position, speed, force, acceleration, current and a spectrogram
+    /// Picture file: position, speed, force, acceleration, current and a spectrogram
     #[arg(long, value_name = "P.svg")]
     pub plot: Option<PathBuf>,
-    /// Run every node in every tick, also those behind a closed gate
+    /// Run every node in every tick, even behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest call of a node; a longer one is a fault of it. By default none; 10 ticks with --watch
+    /// Time limit for a call of a node; a longer call is a fault. By default none, with --watch 10 ticks
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Run in real time, and take over changes of the graph, its plugins and the files it reads
+    /// Render at the pace of real time, and reload the graph, its plugins and its files when they change
     #[arg(long)]
     pub watch: bool,
     /// Print errors only
@@ -81,7 +87,7 @@ impl Clock for ClockTime {
 pub fn run(args: &Args) -> Result<(), Failure> {
     be_quiet(args.quiet);
     let mut kinds = Kinds::new(&args.graph.plugins.plugin);
-    let Loaded { compiled, scene, .. } = load_with_probes(args, &mut kinds)?;
+    let Loaded { graph, registry, compiled, scene } = load_with_probes(args, &mut kinds)?;
     let schedule = &compiled.schedule;
     nothing_live(args, schedule)?;
     let ticks = load::ticks(args.seconds, schedule)?.ok_or_else(|| {
@@ -136,6 +142,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut files: Vec<Pending> =
         master.into_iter().chain(recorders.into_iter().map(Recorder::finish)).collect::<Result<_, _>>()?;
     let facts = (0..engine.schedule().nodes.len()).map(|i| engine.facts(i)).collect();
+    let told = !args.quiet || args.report.is_some();
+    let lag = match told && done == ticks && !args.watch && engine.faults() == 0 {
+        true => Lag::of(&graph, &registry, engine.schedule()),
+        false => Lag::new(Err("see `asperity latency`".into()), engine.schedule()),
+    };
     let run = Run {
         args,
         ticks: done,
@@ -146,6 +157,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         facts,
         times: &timed.times,
         level: &level,
+        lag,
     };
     if let (Some(file), Some(traces)) = (plot_file, traces) {
         files.push(file.fill(&traces.svg(&args.graph.graph, engine.schedule()))?);
@@ -203,7 +215,7 @@ fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
 
 fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Failure> {
     let samples = |rate_hz: u32| time::first_sample(ticks, rate_hz, schedule.tick_hz);
-    if let Some(path) = args.out.as_ref().filter(|p| ending(p) == "wav") {
+    if let Some(path) = args.out.as_ref().filter(|p| audio_ending(p) == "wav") {
         let channels = Master::channels(schedule).len() as u64;
         Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
     }

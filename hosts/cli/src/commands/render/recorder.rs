@@ -10,7 +10,7 @@ use asperity_node::{Buffer, ParamValue, Role, Shape, time};
 
 use super::samples;
 use crate::failure::{Failure, wrong};
-use crate::output::{self, Format, Pending, Rows, ending, salvage};
+use crate::output::{self, Format, Pending, Rows, audio_ending, ending, salvage};
 
 pub struct Recorder {
     rows: Rows,
@@ -243,7 +243,7 @@ impl Master {
                 "leave --out out, or add an `audio_out`",
             ));
         }
-        let rows = match ending(path).as_str() {
+        let rows = match audio_ending(path).as_str() {
             "wav" => Rows::wav(Pending::create(path)?, nodes.len(), schedule.audio_hz, format)?,
             "npy" => Rows::npy(Pending::create(path)?, (nodes.len() > 1).then_some(nodes.len()))?,
             _ => return Err(unknown_format(path, "a .wav or .npy file").into()),

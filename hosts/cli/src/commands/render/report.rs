@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 
 use super::recorder::Master;
 use super::{Args, samples};
+use crate::lag::{self, Lag};
 
 pub struct Run<'a> {
     pub args: &'a Args,
@@ -23,6 +24,7 @@ pub struct Run<'a> {
     pub facts: Vec<Vec<Fact>>,
     pub times: &'a Times,
     pub level: &'a Level,
+    pub lag: Lag,
 }
 
 #[derive(Clone, Debug)]
@@ -160,6 +162,7 @@ impl Run<'_> {
             "graph": args.graph.graph.display().to_string(),
             "set": args.graph.set,
             "input": args.graph.input.as_ref().map(|p| p.display().to_string()),
+            "loop": args.graph.repeat,
             "seed": schedule.seed,
             "tick_hz": schedule.tick_hz,
             "audio_hz": schedule.audio_hz,
@@ -168,7 +171,7 @@ impl Run<'_> {
             "seconds": self.ticks as f64 / f64::from(schedule.tick_hz),
             "tick_us": tick_us(&self.times.tick_summary()),
             "realtime_factor": self.realtime_factor(),
-            "latency_ms": schedule.latency().ms(),
+            "latency": lag::json(&self.lag),
             "nodes": schedule.nodes.iter().enumerate().filter_map(node).collect::<Vec<_>>(),
             "faults": engine.faults(),
             "swaps": self.swaps.iter().map(|s| json!({ "tick": s.tick, "what": s.what })).collect::<Vec<_>>(),
@@ -223,7 +226,7 @@ impl Run<'_> {
         line("tick", format!("p50 {}  p99 {}", part(t.p50_ns), part(t.p99_ns)));
         line("", format!("p99.9 {}  max {}", part(t.p999_ns), part(t.max_ns)));
         line("computed", self.computed());
-        line("latency", format!("{:.2} ms, source to sink", schedule.latency().ms()));
+        line("latency", self.lag.to_string());
         if !level.unit.is_empty() {
             line("output", format!("peak {:.4} {u}, rms {:.4} {u}", level.peak, level.rms(), u = level.unit));
             if level.peak == 0.0 {
@@ -263,6 +266,9 @@ impl Run<'_> {
         }
         for path in written {
             line("wrote", path.display().to_string());
+        }
+        if written.is_empty() {
+            line("wrote", "nothing: name a file with --out, --plot, --report or --probe".into());
         }
         out
     }

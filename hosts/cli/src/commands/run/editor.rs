@@ -13,7 +13,7 @@ use std::sync::{Arc, Mutex};
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_live::GraphController;
-use asperity_node::ParamKind;
+use asperity_node::{ParamKind, Registry};
 
 use super::Args;
 use super::hands::{Hands, close_elsewhere};
@@ -213,9 +213,13 @@ impl Editor {
         }
     }
 
-    /// Abandons the edit under way: the run is over.
-    pub fn end(self) {
+    /// Abandons the edit under way: the run is over. Answers the graph that ran, and its kinds.
+    pub fn end(self) -> Option<(GraphFile, Registry)> {
         self.job.map(Job::abandon);
+        let moved: Vec<String> = self.moved.into_values().map(|m| m.setting).collect();
+        let graph = reloader::changed(&self.base?, &moved, &self.chosen);
+        let registry = reloader::lock(&self.kinds).registry(Some(&graph)).ok()?;
+        Some((graph, registry))
     }
 
     /// Begins the next edit, a choice of material first.

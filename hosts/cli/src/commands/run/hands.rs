@@ -11,7 +11,7 @@ use asperity_hand::{HandDevice, Handle, Open, device_of};
 use asperity_live::view::Layout;
 use asperity_live::{DeviceQueues, ForceReader, SampleWriter, force_model, samples};
 use asperity_node::{Law, Role};
-use asperity_scene::bound::{Passivity, Sampling};
+use asperity_scene::bound::{Passivity, Sampling, below, stiffest_n_per_mm};
 
 use crate::failure::Failure;
 
@@ -262,10 +262,10 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
         let port = node.inputs.iter().find(|i| i.name == input)?;
         let from = &schedule.nodes[port.from?.0];
         let moved = live.nodes.iter().find(|n| n.id == from.id)?.live.iter().find(|l| l.name == param);
-        moved.map(|l| l.value).or(from.params.get_number(param))
+        Some((from.id.as_str(), moved.map(|l| l.value).or(from.params.get_number(param))?))
     };
-    let stiffness_n_per_mm = number("stiffness", "stiffness_n_per_mm")?;
-    let damping_ns_per_m = number("damping", "damping_ns_per_m").unwrap_or(0.0);
+    let (floor, stiffness_n_per_mm) = number("stiffness", "stiffness_n_per_mm")?;
+    let damping_ns_per_m = number("damping", "damping_ns_per_m").map_or(0.0, |(_, value)| value);
     let own = node.params.number("device_damping_ns_per_m");
     let recommended = hands.open.get(&input.id).and_then(|h| h.handle.max_stiffness_n_per_mm());
     let (device, known) = match recommended {
@@ -280,8 +280,22 @@ fn warning(schedule: &Schedule, live: &Layout, node: &ScheduledNode, hands: &Han
         }
     };
     let law = Law { stiffness_n_per_mm, damping_ns_per_m };
-    let bound = Passivity::of(law, Sampling { tick_hz, delay_s }, device);
-    (!bound.holds()).then(|| format!("`{}`: walls of {bound}{known}", node.id))
+    let sampling = Sampling { tick_hz, delay_s };
+    let bound = Passivity::of(law, sampling, device);
+    let advice = || match damping_ns_per_m.abs() < device {
+        true => format!("{floor}.stiffness_n_per_mm={}", below(bound.stiffest_n_per_mm)),
+        false => {
+            // Half of what the device bears goes to the damping.
+            let softest = below(stiffest_n_per_mm(0.5 * device, sampling, device));
+            let damper = number("damping", "damping_ns_per_m").map_or(floor, |(id, _)| id);
+            format!(
+                "{damper}.damping_ns_per_m={} --set {floor}.stiffness_n_per_mm={softest}",
+                below(0.5 * device)
+            )
+        }
+    };
+    (!bound.holds())
+        .then(|| format!("`{}`: walls of {bound}; passive with --set {}{known}", node.id, advice()))
 }
 
 /// Least damping \[N s/m\] of a passive device whose maker recommends walls of at most so many N/mm at 1 kHz:

@@ -19,6 +19,7 @@ use asperity_node::{Fault, Role};
 use crate::card::{self, DeviceArgs};
 use crate::commands::render::recorder::Kept;
 use crate::failure::{Failure, print, warn};
+use crate::lag::Lag;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs};
 use crate::number;
@@ -29,15 +30,19 @@ use recordings::Recordings;
 use reloader::Made;
 use shows::{Shows, Speaker};
 
-/// Play a graph in real time: a hand moves, the actuator on the sound card answers
+/// Play a graph in real time: a hand moves the stylus, the sound card drives the actuator
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity run graphs/live.ron --page --device simulated:frames=256",
+    "asperity run graphs/texture.ron --device \"USB Audio\" --channel 3",
+]))]
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,
     #[command(flatten)]
     pub device: DeviceArgs,
-    /// How long to run; by default as long as the stroke lasts, or until Ctrl-C
+    /// Duration of the run; by default the duration of the stroke, or until Ctrl-C
     #[arg(long, value_name = "S", value_parser = number::number(1e-3, 31_536_000.0, "s"))]
     pub seconds: Option<f64>,
     /// Serve the live page at this port, or at a free one
@@ -47,19 +52,19 @@ pub struct Args {
     /// Show the run in the terminal
     #[arg(long)]
     pub tui: bool,
-    /// Take over changes of the graph, its plugins and the files it reads as they come
+    /// Reload the graph, its plugins and the files it reads when they change
     #[arg(long)]
     pub watch: bool,
-    /// Write figures of the run as JSON
+    /// Report file: times, levels and faults of the run, as JSON
     #[arg(long, value_name = "R.json")]
     pub report: Option<PathBuf>,
-    /// Run every node in every tick, also those behind a closed gate
+    /// Run every node in every tick, even behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
-    /// Longest call of a node; a longer one is a fault of it, and it is faded out. By default 10 ticks
+    /// Time limit for a call of a node; a slower node is faded out. By default 10 ticks, at least 50 ms
     #[arg(long, value_name = "US", value_parser = number::whole(1_u64, 10_000_000, "us"))]
     pub limit_us: Option<u64>,
-    /// Call plugins on the tick thread: some 50 us less a node, but one that never returns ends the sound
+    /// Call plugins on the tick thread. Saves some 50 us a node, but a plugin that hangs stops the sound
     #[arg(long)]
     pub in_place: bool,
     /// Print errors only
@@ -121,7 +126,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut stage = Stage { session, editor, hands, recordings, failed: Default::default() };
     let outcome = stage.play(&mut shows, ticks);
     let Stage { session, editor, hands, mut recordings, .. } = stage;
-    editor.end();
+    let played = editor.end();
     let grants = session.grants();
     let mut ended = session.stop();
     drop(hands);
@@ -135,7 +140,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let last = Speaker::new(false);
     said.iter().for_each(|said| last.say(&format!("warning: {said}")));
     last.close();
-    let run = report::Run { args, ended: &ended, grants };
+    let schedule = ended.graph_controller.schedule();
+    // What failed in the run is not run again.
+    let sound = ended.player.is_some() && ended.view.faults == 0 && (!args.quiet || args.report.is_some());
+    let lag = match played.filter(|_| sound) {
+        Some((graph, registry)) => Lag::of(&graph, &registry, schedule),
+        None => Lag::new(Err("see `asperity latency`".into()), schedule),
+    };
+    let run = report::Run { args, ended: &ended, grants, lag };
     let reported = report_file
         .map_or(Ok(()), |file| file.fill(&run.json()).and_then(Pending::keep).map(|path| written.push(path)));
     if !args.quiet {

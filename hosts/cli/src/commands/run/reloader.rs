@@ -10,9 +10,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use asperity_engine::SwapError;
 use asperity_graph::{Compiled, GraphFile, Schedule, ScheduledNode};
 use asperity_live::needs_queues;
-use asperity_live::view::Materials;
+use asperity_live::view::{Material, Materials};
 use asperity_node::Role;
-use asperity_texture::Library;
+use asperity_texture::{Library, LibraryMaterial};
 
 use super::hands::{self, Held, Holding, Opened};
 use super::recordings::{Sink, left_behind, recorders};
@@ -75,17 +75,22 @@ pub fn make(
         Some(base) => base,
         None => load::read(args, kinds)?.0,
     };
+    let graph = changed(&base, moved, chosen);
+    let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
+    let materials = materials(&compiled.schedule);
+    Ok(Made { base, graph, compiled, materials })
+}
+
+/// A graph with the changes of the user. A parameter that the file no longer has is skipped.
+pub fn changed(base: &GraphFile, moved: &[String], chosen: &BTreeMap<String, String>) -> GraphFile {
     let mut graph = base.clone();
     for setting in moved {
-        // A parameter that the file no longer has is skipped.
         let _ = graph.set(setting, "the page");
     }
     for (node, material) in chosen {
         let _ = graph.set(&format!("{node}.material={material:?}"), "the page");
     }
-    let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
-    let materials = materials(&compiled.schedule);
-    Ok(Made { base, graph, compiled, materials })
+    graph
 }
 
 /// Locks the kinds. A thread that panicked has left them usable.
@@ -222,7 +227,16 @@ fn materials(schedule: &Schedule) -> Vec<Materials> {
     let of = |node: &ScheduledNode| {
         let library = Library::shared(node.params.file("library")).ok()?;
         let names = library.materials().iter().map(|m| m.name.clone()).collect();
-        Some(Materials { node: node.id.clone(), chosen: node.params.text("material").to_owned(), names })
+        let shown = |m: &LibraryMaterial| Material {
+            name: m.name.clone(),
+            family: m.family.clone().unwrap_or_default(),
+            description: m.description.clone(),
+            picture: m.images.first().map(|image| library.beside(image)),
+            picture_mm: m.image_mm,
+        };
+        let gallery = library.materials().iter().map(shown).collect();
+        let chosen = node.params.text("material").to_owned();
+        Some(Materials { node: node.id.clone(), chosen, names, gallery })
     };
     networks.filter_map(of).collect()
 }

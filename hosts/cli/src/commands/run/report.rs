@@ -11,11 +11,13 @@ use serde_json::{Map, Value, json};
 
 use super::Args;
 use crate::commands::render::report::{clipped, cut_at_full_scale, facts_json, faulty, out_of_range, target};
+use crate::lag::{self, Lag};
 
 pub struct Run<'a> {
     pub args: &'a Args,
     pub ended: &'a Ended,
     pub grants: Option<Grants>,
+    pub lag: Lag,
 }
 
 fn figures_json(f: &[f64; 4]) -> Value {
@@ -76,7 +78,8 @@ impl Run<'_> {
             "skipped_ticks": view.skipped_ticks,
             "recording_gaps": view.recording_gaps,
             "faults": view.faults,
-            "latency_ms": latency.collect::<Map<_, _>>(),
+            "latency": lag::json(&self.lag),
+            "hand_to_actuator_ms": latency.collect::<Map<_, _>>(),
             "not_granted": self.grants.map(|g| g.refused()).unwrap_or_default(),
             "sources": sources.collect::<Vec<_>>(),
             "nodes": nodes.collect::<Vec<_>>(),
@@ -109,10 +112,11 @@ impl Run<'_> {
         if t.recovery_us[3] > 0.0 {
             line("in time", format!("again after {}", figures_text(&t.recovery_us)));
         }
+        line("latency", self.lag.to_string());
         if !view.device.is_empty() {
             if !view.latency_ms.is_empty() {
                 let sum: f64 = view.latency_ms.iter().map(|(_, ms)| ms).sum();
-                line("latency", format!("{sum:.1} ms from hand to actuator"));
+                line("", format!("{sum:.1} ms declared from the hand to the actuator, with the device:"));
                 for (what, ms) in &view.latency_ms {
                     line("", format!("{ms:6.2} ms  {what}"));
                 }

@@ -16,7 +16,7 @@ use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number::number;
 use crate::output::{apart, named, resolved, write_text};
 
-/// Print the graph that a scene lowers to, or explain it: what is built, why, and at what cost
+/// Print the graph of a scene, or explain what is built, why and at what cost
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Expand(Expand),
@@ -25,20 +25,24 @@ pub enum Command {
 
 /// Print the graph that a scene lowers to, ready to edit
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity scene expand graphs/scenes/side_by_side.ron"]))]
 pub struct Expand {
     #[command(flatten)]
     pub scene: GraphArgs,
-    /// Write the graph to a file in the scene's folder, to which its paths are relative
+    /// Output file in the scene's folder: the paths in the graph are relative to it
     #[arg(long, value_name = "G.ron")]
     pub out: Option<PathBuf>,
 }
 
-/// Say whether each effect, node and model is built, why, and its cost a tick along the scene's stroke
+/// Explain which effects, nodes and models are built, why, and what each costs a tick
 #[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity scene explain graphs/scenes/every_effect.ron",
+]))]
 pub struct Explain {
     #[command(flatten)]
     pub scene: GraphArgs,
-    /// How much of the stroke to run; by default all of it, but at most 60 s
+    /// Duration of the stroke to run; by default all of it, at most 60 s
     #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = number(0.002, 3600.0, "s"))]
     pub seconds: Option<f64>,
     /// Run every node in every tick

@@ -14,7 +14,7 @@ use parking_lot::Mutex;
 
 use crate::failure::{Failure, be_quiet, print, warn, wrong};
 use crate::leave::{INTERRUPTED, stop_flag};
-use crate::load::{self, PluginArgs};
+use crate::load::{self, ColumnArgs, PluginArgs};
 use crate::number::whole;
 use crate::output::{apart, named};
 
@@ -24,33 +24,39 @@ pub use folder::read as read_results;
 const SHIPPED: (&str, &str) =
     ("tradeoffs/shipped.ron (shipped)", include_str!("../../../../../graphs/tradeoffs/shipped.ron"));
 
-/// Run many settings of a graph over the same strokes and materials: what accuracy costs in time
+/// Measure what accuracy costs in time: many settings of a graph, over the same strokes and materials
 ///
-/// Finished settings are kept in the folder: the same command continues a trade-off that was stopped.
-/// --shard splits it between machines; `tradeoff merge` puts the parts together.
+/// Finished settings are kept in the output folder: run the same command again to continue. --shard splits
+/// the work between machines, and `tradeoff merge` merges the results.
 #[derive(Clone, Debug, clap::Args)]
 #[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity tradeoff --out out/shipped --jobs 2",
+    "asperity tradeoff mine.ron --out out/mine --shard 1/4",
+]))]
 pub struct Args {
     #[command(subcommand)]
     pub command: Option<More>,
-    /// A trade-off file, and graphs or scenes; the shipped trade-off, and the file's own graph, unless given
+    /// A trade-off file, and graphs or scenes. By default the shipped trade-off, and the graph it names
     #[arg(value_name = "TRADEOFF.ron|GRAPH|SCENE", value_parser = crate::shipped::path())]
     pub files: Vec<PathBuf>,
     /// Output folder: results.csv, results.json, REPORT.md, pictures; progress.jsonl, to resume from
     #[arg(long, value_name = "DIR", required = true)]
     pub out: Option<PathBuf>,
-    /// Threads for everything but times, which are always measured alone
+    /// Number of threads. Times are always measured alone, whatever the number
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = whole(1_usize, 1024, "threads"))]
     pub jobs: usize,
     /// Run the I-th of N shards of the settings
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<(usize, usize)>,
-    /// Skip the hard cases: settings that fail them can then be chosen
+    /// Skip the hard cases. `asperity choose` may then choose a setting that fails them
     #[arg(long)]
     pub no_cases: bool,
     /// Set a parameter of the graphs before knobs are applied: NODE.PARAM=VALUE
     #[arg(long = "set", value_name = "NODE.PARAM=VALUE")]
     pub set: Vec<String>,
+    #[command(flatten)]
+    pub columns: ColumnArgs,
     #[command(flatten)]
     pub plugins: PluginArgs,
     /// Show no progress and no chart
@@ -61,12 +67,13 @@ pub struct Args {
 /// Subcommands of `asperity tradeoff`.
 #[derive(Clone, Debug, clap::Subcommand)]
 pub enum More {
-    /// Merge the results of shards; times are scaled by the default that each of them timed
+    /// Merge the results of shards. Times are scaled by the default setting, which every shard times
     Merge(Merge),
 }
 
 /// `asperity tradeoff merge`
 #[derive(Clone, Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity tradeoff merge shard1 shard2 --out merged"]))]
 pub struct Merge {
     /// Folders of results
     #[arg(required = true, value_name = "DIR")]
@@ -170,6 +177,7 @@ fn tradeoff(args: &Args) -> Result<(Tradeoff, Graphs), Failure> {
     let shipped = named.is_none();
     let source = named.unwrap_or_else(|| Source::new(SHIPPED.0, SHIPPED.1));
     let mut tradeoff = Tradeoff::parse(&source)?;
+    tradeoff.map_columns(&args.columns.parsed()?);
     // The shipped trade-off is for any graph, and no graph has all of its knobs.
     tradeoff.lenient = source.text() == SHIPPED.1 && !graphs.is_empty();
     if shipped {
