@@ -1,13 +1,14 @@
 //! Tells whether a picture is unlike those that an encoder was trained on.
 //!
 //! The picture itself and some layers of the encoder have features. Those of a layer are the mean and the
-//! standard deviation of each channel over the picture. Those of the picture are the mean of its brightness and
-//! of two colour differences, and the logarithms of their deviations in each octave. Each feature is divided by
-//! its deviation over the training pictures. A picture's distance is Mahalanobis's from the nearest centre (Lee
-//! et al. 2018, "A simple unified framework for detecting out-of-distribution samples and adversarial attacks").
-//! Centres are the materials' means or the mean of all. All have one covariance, that of probabilistic principal
-//! components: some axes, and one variance for all other directions (Tipping and Bishop 1999). A picture is
-//! unlike the training pictures if any distance is above its limit.
+//! standard deviation of each channel over the picture. Those of the picture are the mean of its
+//! brightness and of two colour differences, and the logarithms of their deviations in each octave. Each
+//! feature is divided by its deviation over the training pictures. A picture's distance is Mahalanobis's
+//! from the nearest centre (Lee et al. 2018, "A simple unified framework for detecting out-of-distribution
+//! samples and adversarial attacks"). Centres are the materials' means or the mean of all.
+//! All have one covariance, that of probabilistic principal components: some axes, and one variance for
+//! all other directions (Tipping and Bishop 1999). A picture is unlike the training pictures if any
+//! distance is above its limit.
 //!
 //! `asperity-train statistics` fits and calibrates them. Those of `encoder.onnx` are the file
 //! `encoder.statistics.ron` beside it:
@@ -91,7 +92,7 @@ pub struct Strangeness {
 impl Strangeness {
     /// Whether the picture is unlike the training pictures.
     pub fn is_unlike(&self) -> bool {
-        !(self.distance <= self.limit)
+        self.distance.is_nan() || self.distance > self.limit
     }
 }
 
@@ -198,11 +199,9 @@ impl Statistics {
 
     /// The text of the file, with numbers of five digits.
     pub fn to_ron(&self) -> String {
-        let mut text = format!(
-            "// Made by `asperity-train statistics`.\nStatistics(\n    version: 1,\n    encoder: \"{:016x}\",\n    \
-             layers: {{\n",
-            self.encoder
-        );
+        let hash = format!("{:016x}", self.encoder);
+        let mut text = "// Made by `asperity-train statistics`.\nStatistics(\n    version: 1,\n".to_owned();
+        text += &format!("    encoder: \"{hash}\",\n    layers: {{\n");
         let list =
             |numbers: &[f64]| numbers.iter().map(|x| format!("{x:.4e}")).collect::<Vec<_>>().join(", ");
         // Writing to a String cannot fail.

@@ -130,7 +130,8 @@ fn library(dir: &Path) {
         vector,
     };
     write(dir, "l.ron", Library::new(dir.join("l.ron"), Some("e.onnx".into()), vec![material]).to_ron());
-    image::RgbImage::from_pixel(256, 192, image::Rgb([90; 3])).save(dir.join("felt.png")).expect("a picture");
+    let stripes = |x: u32, _| image::Rgb([if x % 4 < 2 { 80 } else { 100 }; 3]);
+    image::RgbImage::from_fn(256, 192, stripes).save(dir.join("felt.png")).expect("a picture");
 }
 
 fn text(path: &Path) -> String {

@@ -1,7 +1,7 @@
 //! A picture's own quality, before an encoder sees it: blank, saturated or out of focus.
 //!
-//! Limits are those that 1,792 made tactile images, the shipped pictures (JPEG) and 24 real GelSight images of
-//! two sensors keep, with a margin:
+//! Limits are those that 1,792 made tactile images, the shipped pictures (JPEG) and 24 real GelSight
+//! images of two sensors keep, with a margin:
 //!
 //! | figure | limit | made | shipped | real |
 //! |---|---|---|---|---|
@@ -10,9 +10,10 @@
 //! | sharpness | at least 0.37 | 0.38 or more | 0.47 or more | 0.63 or more |
 //! | detail, without sharpness | at least 0.35 | 0.64 or more | 0.50 or more | |
 //!
-//! A picture's sharpness is that of its sharpest parts, a ratio of two octaves, as focus measures use them
-//! (Pertuz, Puig, Garcia 2013, "Analysis of focus measure operators for shape-from-focus"). It tells a blur of
-//! the picture. It does not tell a lens out of focus behind a noisy camera: that looks like a smoother surface.
+//! A picture's sharpness is that of its sharpest parts, a ratio of two octaves, as focus measures use
+//! them (Pertuz, Puig, Garcia 2013, "Analysis of focus measure operators for shape-from-focus"). It tells
+//! a blur of the picture. It does not tell a lens out of focus behind a noisy camera: that looks like a
+//! smoother surface.
 
 use super::{Image, plane::Plane};
 
@@ -72,7 +73,7 @@ impl Quality {
         Self { contrast, saturated, detail, sharpness }
     }
 
-    /// What makes the picture useless with figure and limit, and a remedy.
+    /// The fault that makes the picture useless, with figure and limit, and a remedy.
     pub fn fault(&self) -> Option<(String, &'static str)> {
         let Self { contrast, saturated, detail, sharpness } = *self;
         let focus = "focus the camera; do not blur, denoise or enlarge the picture";

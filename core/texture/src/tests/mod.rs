@@ -5,6 +5,7 @@ mod bad_input;
 mod encoder;
 mod fallback;
 mod networks;
+mod statistics;
 mod whole;
 
 use crate::onnx::ModelProto;

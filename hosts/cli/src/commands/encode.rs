@@ -255,8 +255,14 @@ fn report(
     near: &[Neighbour<'_>],
     (name, gets, added): (&str, &str, bool),
 ) -> Value {
-    let neighbour = |n: &Neighbour<'_>| json!({ "name": n.material.name, "family": n.material.family, "distance": n.distance });
-    let strangeness = |s: &Strangeness| json!({ "layer": s.layer, "distance": s.distance, "limit": s.limit, "unlike": s.is_unlike() });
+    let neighbour = |n: &Neighbour<'_>| {
+        let (name, family) = (&n.material.name, &n.material.family);
+        json!({ "name": name, "family": family, "distance": n.distance })
+    };
+    let strangeness = |s: &Strangeness| {
+        let (layer, unlike) = (&s.layer, s.is_unlike());
+        json!({ "layer": layer, "distance": s.distance, "limit": s.limit, "unlike": unlike })
+    };
     let image = |s: &Seen<'_>| {
         json!({
             "path": s.path.display().to_string(),
