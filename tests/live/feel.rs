@@ -66,10 +66,10 @@ fn material_is_chosen_by_click_key_and_search() {
         pen.browser.key("e", "KeyE");
         pen.browser.key("ArrowLeft", "ArrowLeft");
         let at = pen.browser.eval("document.activeElement.textContent");
-        assert_eq!(at, "cedar", "the card before beech");
+        assert_eq!(at, "coarse loop pile", "the card before berber");
         pen.browser.key("*", "Digit8");
         pen.browser.key("Enter", "Enter");
-        pen.browser.until(&plays("cedar"));
+        pen.browser.until(&plays("coarse loop pile"));
         pen.browser.eval(
             "(() => { const s = document.querySelector('#search'); s.value = 'wood ash'; \
              s.dispatchEvent(new Event('input')); s.focus(); })()",
@@ -83,7 +83,7 @@ fn material_is_chosen_by_click_key_and_search() {
         pen.browser.eval("document.querySelector('#families button:nth-child(2)').click()");
         let shown =
             "[...document.querySelectorAll('#cards li:not([hidden]) .card')].map((one) => one.textContent)";
-        assert_eq!(pen.browser.eval(shown), serde_json::json!(["cedar"]));
+        assert_eq!(pen.browser.eval(shown), serde_json::json!(["coarse loop pile"]));
         let picture = "document.querySelector('#cards li:not([hidden]) img').naturalWidth";
         pen.browser.until(&format!("{picture} === 256"));
         end(kept, pen, live);
@@ -203,12 +203,13 @@ fn listening_plays_the_acceleration_at_its_full_rate() {
         assert!(level > 1e-4, "silence");
         assert!(peak <= 0.5 * 10_f64.powf(1.5 * (0.4 - 1.0)), "it is louder than the volume allows");
         assert_eq!(context, 48_000.0);
-        assert!((rate / 48_000.0 - 1.0).abs() < 0.1, "samples are missing: {rate} a second");
         assert!(says.as_str().is_some_and(|text| text.contains("ms late")), "{says}");
         pen.browser.click("#listen");
         assert_eq!(pen.browser.eval("document.querySelector('#listen').textContent"), "Listen");
         end(kept, pen, live);
-        Ok(())
+        // A browser that gets no time loses views.
+        let off = (rate / 48_000.0 - 1.0).abs();
+        if off < 0.05 { Ok(()) } else { Err(format!("{rate} samples a second are not 48000")) }
     });
 }
 
@@ -257,8 +258,11 @@ fn scope_goes_on_while_the_other_tab_is_shown() {
             serde_json::json!(["tab-scope", true])
         );
         // What was stroked before is on the scope: no panel is blank where the signal was.
-        let kept_samples = "page.scopes.all.find((one) => one.name === 'acceleration').samples.whole";
-        assert!(pen.browser.eval(kept_samples).as_u64() > Some(48_000), "the scope began anew");
+        let kept = pen.browser.eval(
+            "(() => { const { samples } = page.scopes.all.find((one) => one.name === 'acceleration'); \
+             return samples.next > 48000 && samples.ring.some((x) => x !== 0); })()",
+        );
+        assert_eq!(kept, true, "the scope began anew");
         pen.browser.key("Home", "Home");
         pen.browser.until("!document.querySelector('#feel').hidden");
         std::thread::sleep(Duration::from_millis(100));

@@ -10,8 +10,9 @@ use tokio::sync::watch;
 
 use crate::wire;
 
-/// Views that are kept for slow pages. A page further behind gets the newest alone.
-const KEPT: usize = 4;
+/// Views that are kept for slow pages: half a second, so that one that listens has no gaps. A page further
+/// behind gets the newest alone.
+const KEPT: usize = 30;
 
 /// The figures of a run. One control thread writes them, every page reads them.
 ///
@@ -78,7 +79,7 @@ impl Feed {
         self.state.subscribe()
     }
 
-    /// Everything after layout count `layouts` and view count `seen`. A page at most four views behind gets
+    /// Everything after layout count `layouts` and view count `seen`. A page at most 30 views behind gets
     /// them all, so that its scopes have no gaps. A page further behind gets the newest.
     pub(crate) fn after(&self, layouts: u64, seen: u64) -> News {
         let state = self.state.borrow();
@@ -99,16 +100,16 @@ mod tests {
         let feed = Feed::new();
         assert!(feed.after(0, 0).views.is_empty());
         feed.publish_layout(Layout::default());
-        for number in 0..10 {
+        for number in 0..40 {
             feed.publish(View { number, ..View::default() });
         }
         let news = feed.after(0, 0);
         assert!(news.layout.is_some());
-        assert_eq!((news.views.len(), news.newest), (1, 10));
-        let news = feed.after(1, 7);
+        assert_eq!((news.views.len(), news.newest), (1, 40));
+        let news = feed.after(1, 37);
         assert!(news.layout.is_none());
-        assert_eq!((news.views.len(), news.newest), (3, 10));
-        assert!(feed.after(1, 10).views.is_empty());
+        assert_eq!((news.views.len(), news.newest), (3, 40));
+        assert!(feed.after(1, 40).views.is_empty());
         assert_eq!(feed.state.borrow().views.len(), KEPT);
     }
 }

@@ -27,8 +27,8 @@ use serde::{Deserialize, Serialize};
 
 /// Most bytes of a message from a page.
 pub const MESSAGE: usize = 16 * 1024;
-/// Most views on the way to a page.
-pub const AHEAD: u64 = 8;
+/// Most views on the way to a page: half a second.
+pub const AHEAD: u64 = 30;
 /// Longest wait for a page to acknowledge a view, or to take a message.
 pub const PATIENCE: Duration = Duration::from_secs(5);
 /// Most samples of a hand in one message.

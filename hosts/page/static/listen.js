@@ -2,9 +2,9 @@
 // on a plain address of a local network too, where there is no AudioWorklet.
 import { figure, write } from "./draw.js";
 
-/// Where the soft clip begins [m/s²]. With the volume at its start, 1 m/s² rms plays at -38 dB of full scale, and nothing
+/// Where the soft clip begins [m/s²]. With the volume at its start, 2 m/s² rms plays at -38 dB of full scale, and nothing
 /// above -24 dB.
-const CLIP_M_S2 = 5;
+const CLIP_M_S2 = 10;
 const VOLUME = "asperity.volume";
 /// Least and most time that samples wait before they are played, and at first [s].
 const [LEAST_S, MOST_S, FIRST_S] = [0.03, 0.4, 0.06];
