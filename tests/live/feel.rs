@@ -258,11 +258,11 @@ fn scope_goes_on_while_the_other_tab_is_shown() {
             serde_json::json!(["tab-scope", true])
         );
         // What was stroked before is on the scope: no panel is blank where the signal was.
-        let kept = pen.browser.eval(
+        let whole = pen.browser.eval(
             "(() => { const { samples } = page.scopes.all.find((one) => one.name === 'acceleration'); \
              return samples.next > 48000 && samples.ring.some((x) => x !== 0); })()",
         );
-        assert_eq!(kept, true, "the scope began anew");
+        assert_eq!(whole, true, "the scope began anew");
         pen.browser.key("Home", "Home");
         pen.browser.until("!document.querySelector('#feel').hidden");
         std::thread::sleep(Duration::from_millis(100));
