@@ -44,7 +44,7 @@ pub(crate) struct Around {
 }
 
 impl Map {
-    /// A map of a scene, whose effects these nodes render.
+    /// A map of a scene. The nodes of each effect are those that are called just while it acts.
     #[must_use]
     pub fn new(scene: &Scene, rendered: &[Rendered]) -> Self {
         let (mut bounded, mut everywhere) = (Vec::new(), Vec::new());
@@ -56,8 +56,7 @@ impl Map {
                 None => everywhere.push(number),
             }
         }
-        let effect =
-            |of: &Rendered| json!({ "name": said(&of.kind), "nodes": of.nodes, "gated": of.texture });
+        let effect = |of: &Rendered| json!({ "name": said(&of.kind), "nodes": of.nodes });
         Self {
             surfaces: scene.surfaces.iter().enumerate().map(|(number, of)| Seen::new(number, of)).collect(),
             bounded: RTree::bulk_load(bounded),

@@ -93,15 +93,12 @@ export class SceneMap {
     return Object.fromEntries(CONTACT.map((name) => [name, value(name)]));
   }
 
-  /** Effects whose nodes are called. Textures are felt only while the gate is open. */
+  /** Effects whose nodes are called, and what a wall is by itself. */
   #active(view) {
-    const { nodes } = this.#layout;
-    const gates = nodes.map(({ outputs }) => outputs.findIndex(([name]) => name === "active"));
-    const gate = gates.findIndex((output) => output >= 0);
-    const open = gate < 0 || view.nodes[gate]?.values[gates[gate]] > 0.5;
-    const now = new Map(nodes.map(({ id }, i) => [id, view.nodes[i]?.calls ?? 0]));
+    const now = new Map(this.#layout.nodes.map(({ id }, i) => [id, view.nodes[i]?.calls ?? 0]));
+    // A node that falls asleep may be called once more.
     const called = (id) => now.get(id) > (this.#calls.get(id) ?? Infinity) + 1;
-    const felt = this.#map.effects.filter(({ nodes: ids, gated }) => ids.some(called) && (open || !gated));
+    const felt = this.#map.effects.filter(({ nodes }) => nodes.some(called));
     this.#calls = now;
     const walls = this.#touched.flatMap((number) => this.#map.surfaces.find((one) => one.number === number)?.effects ?? []);
     return [...new Set([...walls.filter((name) => name === "stiffness" || name === "damping"), ...felt.map(({ name }) => name)])];

@@ -58,6 +58,7 @@ export class Strokes {
     const name = `Stroke ${this.#count}: ${figure(seconds)} s, ${figure(way)} mm`;
     this.#kept.unshift({ name, number: this.#count, rows });
     this.#kept.length = Math.min(this.#kept.length, STROKES);
+    if (this.#kept.length === 1) write(this.#parts.said, "");
     this.#list();
   }
 
@@ -94,7 +95,6 @@ export class Strokes {
     for (const button of [again, save]) button.disabled = none;
     render.disabled = none || this.#rendering;
     if (none) write(said, "Your last strokes stand here, to save them, or to play and render them again.");
-    else if (this.#count === 1) write(said, "");
   }
 
   get #chosen() {

@@ -132,7 +132,9 @@ fn scene_of_10000_surfaces_is_drawn_in_part_and_says_so() {
         let tile = |i: i32| {
             let [x, y] = [10 * (i % 100) - 500, 10 * (i / 100) - 500];
             let shape = format!("shape: rectangle(size_mm: (10, 10)), place_mm: ({x}, {y}, 0)");
-            format!("\"t{i}\": ({shape}, effects: (stiffness: (stiffness_n_per_mm: 0.5), texture: WAVE)),\n")
+            // One texture is enough for the scene to have an output.
+            let texture = if i == 0 { ", texture: WAVE" } else { "" };
+            format!("\"t{i}\": ({shape}, effects: (stiffness: (stiffness_n_per_mm: 0.5){texture})),\n")
         };
         let (before, _) = SCENE.split_once("surfaces: {").expect("surfaces");
         let tiles: String = (0..10_000).map(tile).collect();

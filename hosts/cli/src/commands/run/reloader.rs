@@ -13,6 +13,7 @@ use asperity_live::needs_queues;
 use asperity_live::view::{Material, Materials};
 use asperity_node::Role;
 use asperity_page::Map;
+use asperity_scene::Rendered;
 use asperity_texture::{Library, LibraryMaterial};
 
 use super::hands::{self, Held, Holding, Opened};
@@ -89,12 +90,13 @@ pub fn make(
     let graph = changed(&base.graph, moved, chosen);
     let Loaded { graph, compiled, .. } = load::compile(args, kinds, graph, None)?;
     if let Some(OfScene { scene, mut rendered, .. }) = scene {
-        // Gates are called in every tick. That a node behind one is called tells that its effect acts.
-        let acts = |id: &String| {
-            let node = compiled.schedule.index_of(id).map(|i| &compiled.schedule.nodes[i]);
-            node.is_some_and(|node| node.gate.is_none())
-        };
-        rendered.iter_mut().for_each(|of| of.nodes.retain(acts));
+        for Rendered { texture, nodes, .. } in &mut rendered {
+            // Called just while the effect acts: textures sleep behind gates, others by themselves.
+            nodes.retain(|id| {
+                let node = compiled.schedule.index_of(id).map(|i| &compiled.schedule.nodes[i]);
+                node.is_some_and(|node| node.gate.is_none() && !(*texture && node.gate_sets.is_empty()))
+            });
+        }
         base.map = Some(Arc::new(Map::new(&scene, &rendered)));
     }
     let materials = materials(&compiled.schedule);
