@@ -209,7 +209,7 @@ fn nothing_to_play_on_says_what_to_do() {
 fn commands(dir: &Room, name: &str) -> Vec<(String, String)> {
     let help = dir.run(&format!("{name} --help")).ok().out;
     let list = help.split("Commands:\n").nth(1).unwrap_or_default();
-    let words = list.lines().take_while(|line| !line.is_empty()).filter(|line| line.starts_with("  "));
+    let words = list.lines().take_while(|line| !line.is_empty()).filter(|line| !line.starts_with("   "));
     let names = words.filter_map(|line| line.split_whitespace().next()).filter(|word| *word != "help");
     let names: Vec<String> = names.map(|word| format!("{name} {word}")).collect();
     let runs = help.contains("[OPTIONS]") && (names.is_empty() || help.contains("Examples:"));
