@@ -132,9 +132,10 @@ fn refused(path: &Path, e: io::Error) -> Failure {
     match e.kind() {
         // Not an error of the user's input.
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Failure::writing(path, e),
-        ErrorKind::NotFound => {
+        ErrorKind::NotFound if !folder_of(path).exists() => {
             let folder = folder_of(path);
-            let missing = folder.ancestors().take_while(|f| !f.exists()).last().unwrap_or(folder);
+            let is_missing = |f: &&Path| !f.as_os_str().is_empty() && !f.exists();
+            let missing = folder.ancestors().take_while(is_missing).last().unwrap_or(folder);
             let what = format!("the folder {} does not exist", missing.display());
             wrong(path, what, format!("make it first: mkdir -p {}", folder.display()))
         }
