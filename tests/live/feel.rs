@@ -60,7 +60,7 @@ fn material_is_chosen_by_click_key_and_search() {
         pen.browser.click(&format!("{oak} .card"));
         pen.browser.until(&plays("oak"));
         assert_eq!(pen.browser.eval("document.querySelector('#chosen').textContent"), "oak");
-        // Letters jump, arrows move, Enter chooses.
+        // Letters jump, arrows move, the space bar chooses.
         pen.browser.eval(&format!("document.querySelector('{oak} .card').focus()"));
         pen.browser.key("b", "KeyB");
         pen.browser.key("e", "KeyE");
@@ -68,7 +68,7 @@ fn material_is_chosen_by_click_key_and_search() {
         let at = pen.browser.eval("document.activeElement.textContent");
         assert_eq!(at, "coarse loop pile", "the card before berber");
         pen.browser.key("*", "Digit8");
-        pen.browser.key("Enter", "Enter");
+        pen.browser.key(" ", "Space");
         pen.browser.until(&plays("coarse loop pile"));
         pen.browser.eval(
             "(() => { const s = document.querySelector('#search'); s.value = 'wood ash'; \
