@@ -66,7 +66,7 @@ fn wiring(
         hands: Vec::new(),
         mics: Vec::new(),
         forces: vec![(at("wall"), 3.0, Arc::new(parking_lot::Mutex::new(writer)))],
-        scopes: vec![Scope { node: at("it"), output: 1, to }],
+        scopes: vec![Scope { node: at("it"), output: 1, attenuated: false, to }],
         tapes: Vec::new(),
         meters: Arc::new(NodeMeters::new(&compiled.schedule, None)),
         spent: vec![0; compiled.schedule.nodes.len()],
