@@ -19,7 +19,7 @@ fn apart(a: f64, b: f64) -> f64 {
 /// Stripes around a colour: a picture without any is blank.
 fn picture(path: &Path, size: [u32; 2], rgb: [u8; 3]) {
     let width = (size[0] / 128).max(1);
-    let stripes = |x: u32, _| Rgb(rgb.map(|c| if x / width % 2 == 0 { c - 9 } else { c + 9 }));
+    let stripes = |x: u32, _| Rgb(rgb.map(|c| if (x / width).is_multiple_of(2) { c - 9 } else { c + 9 }));
     RgbImage::from_fn(size[0], size[1], stripes).save(path).expect("a picture");
 }
 

@@ -55,6 +55,9 @@ impl Processor for Witness {
     fn warm(&mut self, heat: f64) {
         self.note(format!("warm {heat}"));
     }
+    fn attenuate(&mut self, strength: f32) {
+        self.note(format!("attenuate {strength}"));
+    }
     fn fault(&mut self) -> Option<Fault> {
         self.1.take()
     }
@@ -78,6 +81,7 @@ fn all_calls(node: &mut dyn Processor, heard: &Heard) -> String {
     answers += &format!("{:?} ", node.ask(|n| n.elapsed(4)));
     answers += &format!("{:?} ", node.ask(|n| n.set_parameter(5, 6.0)));
     answers += &format!("{:?} ", node.ask(|n| n.warm(7.0)));
+    answers += &format!("{:?} ", node.ask(|n| n.attenuate(0.5)));
     let mut bytes = vec![0; node.state_size()];
     answers += &format!("{:?} {bytes:?} ", node.save(&mut bytes));
     answers += &format!("{} {} ", node.restore(&bytes), node.restore(&[]));

@@ -111,12 +111,11 @@ impl<'s> Table<'s> {
             table.header = cells;
             let end = table.next;
             // Rows may have another separator than the header.
-            if let Some(row) = table.row() {
-                if table.separator == Separator::Blanks
-                    || !table.text(row).contains(|c| table.separator.is(c))
-                {
-                    table.separator = Separator::of(table.text(row));
-                }
+            if let Some(row) = table.row()
+                && (table.separator == Separator::Blanks
+                    || !table.text(row).contains(|c| table.separator.is(c)))
+            {
+                table.separator = Separator::of(table.text(row));
             }
             table.next = end;
         }
@@ -220,9 +219,9 @@ impl<'s> Table<'s> {
             return Err(error.at(self.source, span).label(label).help(help));
         }
         let mut first = Span::at(line.start);
-        for column in 0..self.columns.len() {
+        for (column, value) in row.iter_mut().enumerate().take(self.columns.len()) {
             let Some((cell, factor)) = self.read[column] else { continue };
-            row[column] = self.number(&self.columns[column], cell, cells[cell], factor)?;
+            *value = self.number(&self.columns[column], cell, cells[cell], factor)?;
             if column == 0 {
                 first = cells[cell];
             }

@@ -316,6 +316,11 @@ impl Processor for Apart {
         self.tell(|desk| desk.value = heat, |node, desk| node.ask(|n| n.warm(desk.value)));
     }
 
+    fn attenuate(&mut self, strength: f32) {
+        let attenuate: Job = |node, desk| node.ask(|n| n.attenuate(desk.value as f32));
+        self.tell(|desk| desk.value = f64::from(strength), attenuate);
+    }
+
     fn fault(&mut self) -> Option<Fault> {
         self.fault.take()
     }

@@ -284,6 +284,8 @@ impl Processor for PluginProcessor {
 
     fn warm(&mut self, _heat: f64) {}
 
+    fn attenuate(&mut self, _strength: f32) {}
+
     fn inner(&mut self, _call: &mut dyn FnMut(&mut dyn Processor)) {}
 
     fn facts(&mut self) -> Vec<Fact> {
