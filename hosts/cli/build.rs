@@ -7,7 +7,11 @@ fn main() {
     let features = std::env::var("CARGO_CFG_FEATURE").unwrap_or_default();
     let features: Vec<&str> = features.split(',').filter(|name| !matches!(*name, "" | "default")).collect();
     let features = if features.is_empty() { "none".to_owned() } else { features.join(", ") };
-    let commit = commit().unwrap_or_else(|| "commit unknown: not built in git".to_owned());
+    // A build for development would be made anew with each commit, and its tests with it.
+    let commit = match std::env::var("PROFILE").as_deref() {
+        Ok("debug") => "development build".to_owned(),
+        _ => commit().unwrap_or_else(|| "commit unknown: not built in git".to_owned()),
+    };
     println!("cargo::rustc-env=ASPERITY_BUILD={commit}, features: {features}");
 }
 

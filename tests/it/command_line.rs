@@ -163,19 +163,10 @@ fn manual_pages_are_written_for_each_command() {
 }
 
 #[test]
-fn version_says_commit_and_features() {
+fn version_says_build_and_features() {
     let said = Room::new().run("--version").ok().out;
-    let head = Command::new("git").args(["rev-parse", "--short=8", "HEAD"]).current_dir(root()).output();
-    let commit = head
-        .ok()
-        .filter(|done| done.status.success())
-        .map(|done| String::from_utf8(done.stdout).expect("a hash").trim().to_owned());
-    let commit = commit.unwrap_or("commit unknown: not built in git".into());
-    assert!(
-        said.starts_with(&format!("asperity {} ({commit}, features: ", env!("CARGO_PKG_VERSION"))),
-        "{said}"
-    );
-    assert!(said.contains("tract"), "{said}");
+    let is = format!("asperity {} (development build, features: ", env!("CARGO_PKG_VERSION"));
+    assert!(said.starts_with(&is) && said.contains("tract"), "{said}");
 }
 
 #[test]
