@@ -2,9 +2,9 @@
 //! errors of paths and names.
 
 use std::io::Write as _;
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
-use harness::{Ran, Room, asperity, csv, files, graphs, root};
+use harness::{Ran, Room, asperity, csv, files, graphs};
 
 /// Runs the program with a standard input, and answers its standard output as bytes beside the rest.
 fn piped(dir: &Room, line: &str, input: &[u8]) -> (Ran, Vec<u8>) {
