@@ -233,7 +233,7 @@ fn the_drive_makes_a_simulated_handle_do_what_was_wanted() {
     }
 }
 
-/// Every pair of neighbours that drove different actuators was taken for a mistake.
+/// An inverse and a limiter of two different chains were taken for a mistake.
 #[test]
 fn two_actuators_of_different_profiles_cause_no_warning() {
     let dir = Room::new();

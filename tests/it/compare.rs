@@ -269,7 +269,7 @@ fn what_is_wrong_is_told_before_anything_is_written() {
         ("--vectors deep", "[200, 101] does not fit"),
         ("--vectors bins", "1 to 126 bins at 2500 Hz"),
         ("--vectors short", "100 frames are too few"),
-        ("--vectors rateless", "at which rate"),
+        ("--vectors rateless", "the rate of this vector is unknown"),
         ("--vectors odd", "a multiple of 10"),
         ("--vectors index", "EOF while parsing an object"),
         ("--vectors scores", "invalid type: string \"low\", expected f64 at line 1 column 39"),

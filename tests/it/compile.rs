@@ -256,7 +256,7 @@ fn thousand_wrong_names_are_all_told_and_a_hundred_guessed() {
     let graph = graph::of_lines(&(nodes + &wires));
     let errors = compile(&graph, &harness::registry(), Default::default()).unwrap_err();
     assert_eq!(errors.len(), 999);
-    assert_eq!(errors[7].help.as_deref(), Some("did you mean `g7`?"));
+    assert_eq!(errors[7].help.as_deref(), Some("did you mean `g7`, `g70`, `g71`, `g72` or `g73`?"));
     assert!(errors.iter().all(|e| e.message.starts_with("there is no node `g") && e.place.is_some()));
     assert_eq!(errors.iter().filter(|e| e.help.is_some()).count(), 100);
 }

@@ -40,7 +40,7 @@ fn bad_magnitudes_are_refused_or_counted() {
         ("spsi", "2500", "y.npy", "1 to 126 bins at 2500 Hz"),
         ("spsi", "2503", "y.npy", "a multiple of 10"),
         ("spsy", "48000", "y.npy", "did you mean `spsi`?"),
-        ("gain", "48000", "y.npy", "no phase-retrieval node"),
+        ("gain", "48000", "y.npy", "is not a phase-retrieval node"),
         ("spsi:sed=1", "48000", "y.npy", "did you mean `seed`?"),
         ("spsi:seed", "48000", "y.npy", "no `=`"),
         ("griffin_lim:alpha=0.5", "48000", "y.npy", "`griffin_lim` has no parameter `alpha`"),

@@ -51,7 +51,11 @@ fn reader(example: &str) -> Option<Read> {
 fn examples(page: &str) -> Vec<(String, Read)> {
     let blocks = page.split("```").skip(1).step_by(2).filter_map(|block| block.split_once('\n'));
     let numbers = "0.5, ".repeat(256);
-    let whole = blocks.map(|(_, text)| text.replace("/* 256 numbers */", &numbers));
+    let rows = (3..600).map(|i| format!("{},0.5,80.0,0.{}\n", f64::from(i) / 1000.0, i % 7));
+    let long = |text: String| {
+        if text.starts_with("t_s,force_n") { text + &rows.clone().collect::<String>() } else { text }
+    };
+    let whole = blocks.map(|(_, text)| long(text.replace("/* 256 numbers */", &numbers)));
     whole.filter_map(|text| reader(&text).map(|read| (text, read))).collect()
 }
 

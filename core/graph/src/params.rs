@@ -87,7 +87,8 @@ fn text(setting: &Setting) -> Result<&str, Diagnostic> {
 /// Reads the path of an existing file, relative to the file that names it; or of a shipped file.
 fn file(setting: &Setting, text: &str, registry: Option<&Registry>) -> Result<PathBuf, Diagnostic> {
     let value = &setting.value;
-    let base_is = if setting.typed.is_some() { "where the program runs" } else { "the graph file" };
+    let is_typed = setting.typed.is_some() || value.source().path() == Path::new("-");
+    let base_is = if is_typed { "where the program runs" } else { "the graph file" };
     let base = value.source().path().parent().unwrap_or(Path::new(""));
     let path = base.join(text);
     if is_stdin(&path) {

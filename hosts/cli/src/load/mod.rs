@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Source, file};
-use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput};
+use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
 use asperity_motion::ColumnMap;
 use asperity_node::{Registry, Role, Shape};
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
@@ -288,8 +288,24 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
                 0.5 * frames
             ));
         }
+        if let Some(inverse) = inverse_of(node, schedule) {
+            for name in ["profile", "handle_mass_g"] {
+                if inverse.params.get(name) != node.params.get(name) {
+                    let (a, b) = (&inverse.id, &node.id);
+                    out.push(format!("`{a}` and `{b}` are set to different actuators: `{name}` differs"));
+                }
+            }
+        }
     }
     out
+}
+
+/// The actuator's inverse that drives a limiter.
+fn inverse_of<'a>(limiter: &ScheduledNode, schedule: &'a Schedule) -> Option<&'a ScheduledNode> {
+    let before = |node: &ScheduledNode| Some(&schedule.nodes[node.inputs.first()?.from?.0]);
+    let first = before(limiter).filter(|_| limiter.role == Some(Role::Limiter));
+    let mut chain = std::iter::successors(first, |node| before(node)).take(schedule.nodes.len());
+    chain.find(|node| node.role == Some(Role::ActuatorInverse))
 }
 
 fn frames_a_window(input: &ScheduledInput) -> Option<f64> {
