@@ -184,7 +184,10 @@ fn sources() -> Vec<(String, String)> {
     let all = files(&["core/*.rs", "hosts/*.rs", "nodes/*.rs", "plugins/*.rs"]);
     let shown = all.into_iter().filter(|name| !is_test(name)).map(|name| {
         let text = text(&name);
-        let end = text.find("#[cfg(test)]\nmod tests {").unwrap_or(text.len());
+        let end = ["", "pub(crate) "]
+            .iter()
+            .find_map(|p| text.find(&format!("#[cfg(test)]\n{p}mod tests {{")))
+            .unwrap_or(text.len());
         (name, text[..end].to_owned())
     });
     shown.collect()

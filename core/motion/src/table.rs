@@ -1,4 +1,4 @@
-//! Tables of numbers in text files: every error points at its cell, and what is ambiguous is refused.
+//! Tables of numbers in text files: every error points at its cell, and ambiguous tables are refused.
 
 use std::cmp::Reverse;
 use std::sync::Arc;

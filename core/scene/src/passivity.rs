@@ -139,7 +139,7 @@ impl Scene {
         Some(Part { name, place, direction, numbers, of: Box::new(of) })
     }
 
-    /// Finding about the sum of some laws, if the device cannot render it. It says what to change.
+    /// Finding about the sum of some laws, if the device cannot render it. It names a number to change.
     fn sum(&self, what: &str, mut laws: Vec<&Part<'_>>) -> Option<(String, Place)> {
         laws.retain(|part| part.law() != Law::default());
         let of = |law| Passivity::of(law, self.sampling(), self.device.damping_ns_per_m);
@@ -197,8 +197,8 @@ fn wall(surface: &Touchable) -> Option<Part<'_>> {
 /// A number that has to fall below this part of its value is not worth naming alone.
 const LEAST_SHARE: f64 = 0.05;
 
-/// Says which number to lower, and to what, so that the sum of these laws holds: the one that has to change
-/// least, or all that matter where one is not enough. `None` where that leaves next to nothing.
+/// Names a number to lower, and a value with which the sum of these laws holds. It is the number that has to
+/// change least, or all that matter where one is not enough. `None` where that leaves next to nothing.
 fn advice(laws: &[&Part<'_>], holds: impl Fn(Law) -> bool) -> Option<String> {
     let numbers: Vec<&Number<'_>> = laws.iter().flat_map(|part| &part.numbers).collect();
     let sum = |values: &[f64]| {

@@ -66,7 +66,7 @@ impl Lag {
         Self::new(told, schedule)
     }
 
-    /// A response lag that was measured, or why not, and what the graph declares.
+    /// Joins a measured response lag, or the reason why there is none, with the declared latency.
     pub fn new(measured: Result<[f64; 3], String>, schedule: &Schedule) -> Self {
         let path = schedule.slowest();
         let nodes = path.through.iter().map(|&i| &schedule.nodes[i]);

@@ -5,7 +5,7 @@ use asperity_node::{Latency, ParamKind, ParamValue, PortType, Role, Shape, Unit}
 
 use crate::view::{Layout, LiveLayout, Materials, NodeLayout, Pointer, ScopeLayout};
 
-/// Scope of what the texture models ask for, before the limiters.
+/// Scope of the acceleration that the texture models ask for, before the limiters.
 pub(crate) const ACCELERATION: &str = "acceleration";
 
 /// Signal of a scope: node and output.

@@ -74,7 +74,7 @@ impl RunControl {
     }
 
     /// Sets the strength of the output from 0 to 1: a factor before every limiter, which it reaches within
-    /// 20 ms. Limits stay what they are.
+    /// 20 ms. Limits stay the same.
     pub fn set_strength(&self, strength: f32) {
         let strength = if strength.is_nan() { 0.0 } else { strength.clamp(0.0, 1.0) };
         self.0.strength.store(strength.to_bits(), Relaxed);

@@ -88,7 +88,7 @@ impl Map {
         if middle.iter().all(|v| v.abs() <= WORLD_MM) { middle } else { [0.0; 2] }
     }
 
-    /// Height of the scene over a place \[mm\]: of its highest wall there, else of what is there, else 0.
+    /// Height of the scene over a place \[mm\]: of its highest wall there, else of any surface there, else 0.
     pub(crate) fn height_mm(&self, [x, y]: [f64; 2]) -> f64 {
         let there = self.bounded.locate_all_at_point([x, y]).map(|of| of.data);
         let there: Vec<&Seen> =

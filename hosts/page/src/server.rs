@@ -86,8 +86,8 @@ pub struct Page {
 ///
 /// # Errors
 ///
-/// The port is taken, the address is not of this machine, the token has other characters than an address may
-/// hold, or the system gives no random numbers or no thread.
+/// The port is taken. The address is not of this machine. The token has characters that an address may not
+/// hold. The system gives no random numbers, or no thread.
 pub fn serve(
     options: Options,
     feed: Arc<Feed>,

@@ -58,7 +58,7 @@ struct Material {
     parts: [Vec<Look>; 3],
 }
 
-/// Fits, calibrates and writes the statistics of a model's encoder, and prints what they tell.
+/// Fits, calibrates and writes the statistics of a model's encoder, and prints their rates.
 pub(crate) fn find(asked: &FindStatistics) -> Result<(), Failure> {
     let settings = settings_now(&asked.folder, &settings_of(&asked.folder)?, asked.data.as_ref())?;
     let path = asked.folder.join("encoder.onnx");

@@ -10,7 +10,7 @@ use super::microseconds;
 const SHIPPED: &str = include_str!("../../../graphs/trajectories/zigzag.csv");
 
 /// Plays a table of positions and, where recorded, forces and speeds.
-/// [`asperity_motion::Trajectory::parse`] says what stands for positions that were not recorded.
+/// [`asperity_motion::Trajectory::parse`] explains how missing positions are replaced.
 pub struct Trajectory {
     trajectory: asperity_motion::Trajectory,
     cursor: Cursor,

@@ -1,4 +1,4 @@
-//! One channel of a picture as numbers, and what filters leave of it.
+//! One channel of a picture as numbers, and filters of it.
 
 /// Values row by row.
 #[derive(Clone, Debug)]

@@ -80,7 +80,7 @@ fn family(text: &str) -> Result<String, String> {
 
 type Vector = [f32; VECTOR_LEN];
 
-/// A picture, and what the encoder says of it.
+/// A picture, and the encoder's answer.
 struct Seen<'a> {
     path: &'a Path,
     notes: Vec<String>,

@@ -278,7 +278,7 @@ pub fn ending(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-/// Ending that says the format of a file of samples; WAV on the standard output.
+/// Ending of a file of samples, which chooses its format; WAV on the standard output.
 pub fn audio_ending(path: &Path) -> String {
     if is_standard(path) { "wav".to_owned() } else { ending(path) }
 }

@@ -16,7 +16,7 @@ use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number::number;
 use crate::output::{apart, named, resolved, write_text};
 
-/// Print the graph of a scene, or explain what is built, why and at what cost
+/// Print the graph of a scene, or explain its parts, their reasons and their cost
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Expand(Expand),
@@ -34,7 +34,7 @@ pub struct Expand {
     pub out: Option<PathBuf>,
 }
 
-/// Explain which effects, nodes and models are built, why, and what each costs a tick
+/// Explain which effects, nodes and models are built, why, and their cost per tick
 #[derive(Debug, clap::Args)]
 #[command(after_help = crate::commands::examples(&[
     "asperity scene explain graphs/scenes/every_effect.ron",
