@@ -46,7 +46,7 @@ fn graph_of_the_readme_plays_a_shipped_model() {
     let graph = readme.split("```ron\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a graph");
     room.write("mine.ron", graph);
     room.run("render mine.ron --seconds 1").ok();
-    assert!(room.wav("oak.wav").0.iter().any(|x| x.abs() > 0.1));
+    assert!(room.wav("felt.wav").0.iter().any(|x| x.abs() > 0.1));
     // A file of one's own beside the graph precedes the shipped one.
     std::fs::create_dir_all(room.join("graphs/models/surfaces")).unwrap();
     room.write("graphs/models/surfaces/materials.ron", "Library()");

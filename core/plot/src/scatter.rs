@@ -273,7 +273,7 @@ mod tests {
         // A crowd around the dot with the label, some of it hollow.
         let crowd = (0..30).map(|i| Dot {
             mark: if i % 2 == 0 { Mark::Out } else { Mark::Plain },
-            ..dot(5.0 + 0.02 * f64::from(i % 6), 3.0 + 0.03 * f64::from(i / 6), "")
+            ..dot(4.7 + 0.14 * f64::from(i % 6), 2.8 + 0.13 * f64::from(i / 6), "")
         });
         let mut dots = vec![dot(5.05, 3.06, "default"), dot(0.0, 0.0, ""), dot(10.0, 6.0, "")];
         dots.extend(crowd);

@@ -82,7 +82,7 @@ fn errors_have_a_place_and_the_nearest_name() {
         &format!("\"a\": (shape: plane, material: \"x\", effects: ({WALL}, texture: [network, network]))"),
         &["two network textures"],
     );
-    refused("", &["nothing to touch"]);
+    refused("", &["a scene without surfaces"]);
     refused("\"a\": (shape: plane), \"a\": (shape: plane)", &["s.ron:3:"]);
     let e = parse(
         "Scene(version: 1, input: stroke, surfaces: {\"a\": (shape: plane, material: \"x\", \

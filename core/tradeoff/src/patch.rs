@@ -258,7 +258,7 @@ mod tests {
             (format!(r#""a": {}, "b": {}"#, rectangle("(0, 0, 0)"), rectangle("(5, 0, 1)")), Ok("b")),
             (format!(r#"{hills}, "flat": {}"#, rectangle("(100, 0, 0)")), Ok("flat")),
             (ball, Err("room for a stroke")),
-            (hills, Err("no relief")),
+            (hills, Err("room for a stroke")),
         ] {
             match (patch(dir.path(), &surfaces), found) {
                 (Ok(patch), Ok(name)) => assert_eq!(patch.name, name),

@@ -122,7 +122,8 @@ impl Side {
 pub(crate) fn find(host: Option<&str>, device: Option<&str>, side: Side) -> Result<Listed, OpenError> {
     let names = names();
     // `host:id`, where the part before the colon is a host.
-    let parts = device.and_then(|device| device.split_once(':'));
+    let bare = device.filter(|device| *device == SIMULATED).map(|device| (device, ""));
+    let parts = device.and_then(|device| device.split_once(':')).or(bare);
     let parts = parts
         .filter(|(name, _)| names.iter().any(|one| one == name) && host.is_none_or(|host| host == *name));
     let (host, wanted) = parts.map_or((host, device), |(name, id)| (Some(name), Some(id)));

@@ -164,7 +164,7 @@ export class Listen {
     const device = ((context.baseLatency || 0) + (context.outputLatency || 0)) * 1000;
     const way = (this.#late?.age ?? 0) * 1000 + (this.#link.there_and_back || 0) / 2;
     const gaps = this.underruns ? ` ${this.underruns} ${this.underruns === 1 ? "gap" : "gaps"} so far.` : "";
-    write(this.#text, `${Math.round(wait + device + way)} ms late: waiting ${figure(wait)}, device ${figure(device)}, network ${figure(way)}.${gaps}`);
+    write(this.#text, `${Math.round(wait + device + way)} ms late: waiting ${figure(wait)}, device ${figure(device)}, connection ${figure(way)}.${gaps}`);
   }
 }
 

@@ -196,7 +196,7 @@ fn what_cannot_be_had_is_an_error_that_says_what_can() {
         (named("simulated:channels=two"), Cause::Device, &["number"]),
         (named("third hand"), Cause::Device, &["third hand", hands[0], hands[1]]),
         // Its name is that of every simulated card: that is no way to mean one of them.
-        (named("SIMULATED sound card"), Cause::Device, &["could be any of", hands[0]]),
+        (named("SIMULATED sound card"), Cause::Device, &["matches several", hands[0]]),
         (Request { host: Some("asio".into()), ..named("x") }, Cause::Host, &["alsa", "jack"]),
     ] {
         let error = refusal(&request);

@@ -237,7 +237,7 @@ fn actuator_that_cannot_be_guarded_is_refused() {
     let strong = Dynamics { stroke: 2e-5, ..hapcoil(100.0) };
     let quick = Dynamics { force_factor: 15.0, stroke: 50e-3, peak_current: 0.1, ..hapcoil(100.0) };
     let make = |d: Dynamics, drive| Limiter::new(&d, drive, RATE, LimiterSettings::default());
-    assert!(make(strong, Drive::Current).unwrap_err().message.contains("gains"));
+    assert!(make(strong, Drive::Current).unwrap_err().message.contains("at its peak current"));
     assert!(make(quick, Drive::Voltage).unwrap_err().message.contains("back-EMF acts within"));
     for d in [10.0, 100.0, 1000.0].map(hapcoil) {
         let stronger = Dynamics { force_factor: 3.0 * d.force_factor, ..d };

@@ -133,7 +133,7 @@ fn ratio_without_variance_is_refused() {
     for (name, missing) in [("ratio", "variance"), ("variance", "ratio")] {
         let e = scatter_error(false, |g| g.output.retain(|v| v.name != missing));
         let wanted = format!("this model has the output {name}, but not {missing}");
-        assert!(e.contains(&wanted) && e.contains("both or neither"), "{e}");
+        assert!(e.contains(&wanted) && e.contains("Optional, together"), "{e}");
     }
 }
 

@@ -106,7 +106,7 @@ fn encoder_finds_its_statistics_beside_it() {
     let found = write(tiles).unwrap().look(&image).unwrap();
     assert_eq!(found.vector, plain.vector);
     // Three channels of the mean 100 / 255 without deviation.
-    assert!((found.features[1][2] - 100.0 / 255.0).abs() < 1e-6 && found.features[1][3] < 1e-6);
+    assert!((found.features[1][2] - 100.0 / 255.0).abs() < 1e-4 && found.features[1][3] < 1e-4);
     assert!(!found.strangeness.unwrap().is_unlike());
     let e = write("nowhere".into()).unwrap_err().to_string();
     assert!(e.contains("nothing gives the output \"nowhere\""), "{e}");

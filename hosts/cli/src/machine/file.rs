@@ -152,7 +152,8 @@ impl Output {
             let (said, id) = (out.params.number(name), &out.id);
             if (said - is).abs() > SAME * is {
                 let what = format!("`{id}.{name}` is {said} {unit}, and the machine's file says {is} {unit}");
-                return Err(self.contradicts(out, name, what));
+                let option = format!("--set {id}.{name}={is}; for `tone`: --{}={is}", name.replace('_', "-"));
+                return Err(self.contradicts(out, name, what).help(format!("to follow the file: {option}")));
             }
         }
         let limiter = out.inputs.first().and_then(|i| i.from).map(|(node, _)| &schedule.nodes[node]);

@@ -74,7 +74,7 @@ fn friction_follows_law_restarts_at_contact_and_sleeps() {
             let (v, n) = (velocity(tick), normal_force(tick));
             let along = match touched(tick) {
                 0.0 => lugre.get_or_insert_with(|| Rubbing::lugre(settings)).step(v, n, dt),
-                1.0 => Rubbing::viscous_coulomb(0.2, 0.004).step(v, n, dt),
+                1.0 => Rubbing::viscous_coulomb(0.2, 0.0005).step(v, n, dt),
                 2.0 | 2.7 => dahl.get_or_insert_with(|| Rubbing::dahl(0.5, 2.0)).step(v, n, dt),
                 _ => [0.0; 2],
             };
@@ -157,7 +157,7 @@ fn what_is_no_direction_is_no_force() {
     };
     let (run, _) = Bench::new("friction", INPUTS, play).list("laws", &["viscous_coulomb"]).run("it", 4);
     assert_eq!(run.control[2], [0.0; 3]);
-    assert_eq!(run.control[3], [-1.2e5; 3], "0.004 s/mm of a million newtons at 30 mm/s");
+    assert_eq!(run.control[3], [-1.5e4; 3], "0.0005 s/mm of a million newtons at 30 mm/s");
 }
 
 #[test]

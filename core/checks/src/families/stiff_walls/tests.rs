@@ -168,7 +168,7 @@ fn wall_in_steps_trembles_within_its_bounds() {
     // As it swings, some time after it has begun.
     fails_on(&subject, quantum::below, "tremble by", rocks(3000, 22, 0.05));
     // Softer for a stylus that has been in it from the first tick on.
-    fails_on(&subject, quantum::below, "are to be had", |soft: &mut bool, tick, _, force| {
+    fails_on(&subject, quantum::below, "instead of", |soft: &mut bool, tick, _, force| {
         if tick.index == 0 {
             *soft = force > 0.0;
         }
