@@ -27,7 +27,7 @@ const PATTERNS: &[&str] = &[
     r"\bsays? what\b",
     r"^So long\b",
     r"\bsays the\b",
-    r"\bto be (trusted|had)\b",
+    r"\bto be trusted\b|\bbe had\b",
     r"\b(undominated|told apart|warned of|it likes|as is of)\b",
     r"\b(is|are|was|were) told\b",
     r"\bcomes? of it\b",

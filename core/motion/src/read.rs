@@ -94,6 +94,12 @@ impl Trajectory {
             force.iter_mut().for_each(|column| column.push(f));
             speed.iter_mut().for_each(|column| column.push(v));
         }
+        let presses = |column: &Vec<f64>| column.iter().any(|f| *f > 0.0) || column.iter().all(|f| *f == 0.0);
+        if !force.as_ref().is_none_or(presses) {
+            return Err(Diagnostic::new("`force_n` is nowhere positive")
+                .at(source, table.end())
+                .help("a force that presses is positive; turn the sign round: `--map force_n=-force_n`"));
+        }
         if time.len() < 2 {
             let found = if time.is_empty() { "no rows" } else { "only one row" };
             return Err(Diagnostic::new(format!("a trajectory with {found}"))

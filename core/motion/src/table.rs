@@ -103,7 +103,7 @@ impl<'s> Table<'s> {
                 let line = table.trimmed(line, |c| COMMENT.contains(&c) || c.is_whitespace());
                 table.named(line, Separator::of(table.text(line))).ok()
             });
-            let best = names.filter(|names| names.len() == cells.len()).max_by_key(known);
+            let best = names.filter(|names| names.len() == cells.len() && known(names) > 0).max_by_key(known);
             let numbers =
                 || (1..).zip(&cells).map(|(n, (_, cell)): (usize, _)| (n.to_string(), *cell)).collect();
             table.header = best.unwrap_or_else(numbers);

@@ -55,7 +55,8 @@ impl Trajectory {
     pub fn repeated(mut self) -> Self {
         let (first, last) = (self.position[0], self.position[self.rows() - 1]);
         self.repeats = true;
-        if first == last {
+        let mut columns = [&self.force, &self.speed].into_iter().flatten();
+        if first == last && columns.all(|column| column.first() == column.last()) {
             return self;
         }
         let top = first[2].max(last[2]) + BACK_MM;

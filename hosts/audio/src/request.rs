@@ -79,7 +79,7 @@ impl Request {
 /// Why a device was not opened. No other device is opened instead.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpenError {
-    /// The part of the request that cannot be had.
+    /// The part of the request that cannot be met.
     pub cause: Cause,
     /// Whether it is about the input device.
     pub input: bool,
@@ -87,7 +87,7 @@ pub struct OpenError {
     pub reason: String,
 }
 
-/// The part of a [`Request`] that cannot be had.
+/// The part of a [`Request`] that cannot be met.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cause {
     /// The request contradicts itself.
@@ -248,7 +248,7 @@ fn buffer(
     let had = frames.clamp(min.max(1), max.max(1));
     if had != frames && wanted.is_some() {
         let device = listed.full_id();
-        notes.push(format!("{device} does {min} to {max} frames a period; {frames} cannot be had"));
+        notes.push(format!("{device} does {min} to {max} frames a period; {frames} is out of range"));
     }
     // A JACK server has one period.
     if listed.host == "jack" { BufferSize::Default } else { BufferSize::Fixed(had) }

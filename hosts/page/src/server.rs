@@ -1,7 +1,7 @@
 //! The server: a thread of its own, bound to the loopback address unless the user names another.
 
 use std::io;
-use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
@@ -144,7 +144,14 @@ fn reached_at(bind: IpAddr) -> Vec<IpAddr> {
     // Without a list of interfaces, this machine still reaches itself.
     let all = if_addrs::get_if_addrs().unwrap_or_default();
     let mut all: Vec<IpAddr> = all.iter().map(if_addrs::Interface::ip).filter(reached).collect();
-    all.sort();
+    // First the address by which this machine reaches others: the one of a phone's network, most likely.
+    let away = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).and_then(|socket| {
+        // Nothing is sent; 192.0.2.1 is an address for documentation (RFC 5737).
+        socket.connect((Ipv4Addr::new(192, 0, 2, 1), 9))?;
+        Ok(socket.local_addr()?.ip())
+    });
+    let away = away.ok();
+    all.sort_by_key(|ip| (Some(*ip) != away, *ip));
     all.dedup();
     all.push(if bind.is_ipv6() { Ipv6Addr::LOCALHOST.into() } else { Ipv4Addr::LOCALHOST.into() });
     all

@@ -159,15 +159,15 @@ export class Strokes {
   }
 
   /** Offers a render to play and to download, with its figures. */
-  #done(stroke, number, { output, latency_ms: latency, seconds }) {
+  #done(stroke, number, { output, latency, seconds }) {
     const source = `${address("/render.wav")}&number=${number}`;
     const sound = make("audio");
     Object.assign(sound, { controls: true, src: source, volume: 0.5 });
     sound.setAttribute("aria-label", `Render of stroke ${stroke.number}`);
     const link = make("a", "", `stroke${stroke.number}.wav`);
     Object.assign(link, { href: source, download: link.textContent });
-    const figures = `peak ${figure(output.peak)} ${output.unit}, rms ${figure(output.rms)} ${output.unit}, latency ${figure(latency)} ms`;
+    const figures = `peak ${figure(output.peak)} ${output.unit}, rms ${figure(output.rms)} ${output.unit}; ${latency.line}`;
     this.#parts.result.replaceChildren(sound, link, make("p", "quiet", figures));
-    write(this.#parts.said, `Stroke ${stroke.number} is rendered: ${figure(seconds)} s with the present settings.`);
+    write(this.#parts.said, `Stroke ${stroke.number} is rendered: ${figure(seconds)} s with the present material and parameters, at full strength.`);
   }
 }

@@ -24,7 +24,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<(), Failure> {
-    let mut all = command();
+    let mut all = command().propagate_version(true);
     if let Some(folder) = &args.out {
         let write = || std::fs::create_dir_all(folder).and_then(|()| generate_to(all, folder));
         return write().map_err(|e| Failure::writing(folder, e));

@@ -160,7 +160,9 @@ fn source_of(args: &GraphArgs) -> Result<Arc<Source>, Failure> {
 
 /// Whether a text is a CSV table, not a graph or scene.
 fn is_table(source: &Source) -> bool {
-    let names_columns = |line: &str| line.split(',').any(|name| name.trim_matches(['#', ' ', '"']) == "t_s");
+    let names_columns = |line: &str| {
+        line.split([',', ';', '\t', ' ']).any(|name| name.trim_matches(['#', ' ', '"']) == "t_s")
+    };
     ending(source.path()) == "csv" || source.text().lines().next().is_some_and(names_columns)
 }
 

@@ -18,6 +18,8 @@ pub fn hand_name(kind: &str) -> &str {
 pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(), Failure> {
     let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
     replace(graph, registry, i, "trajectory");
+    // They belong to the stroke before.
+    graph.nodes[i].params.retain(|setting| !matches!(setting.name.as_str(), "map" | "loop"));
     graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
     Ok(())
 }
