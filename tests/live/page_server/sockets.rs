@@ -267,14 +267,14 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     let _alone = beside_others();
     let stage = stage();
     let mut silent = stage.watch().expect("a place");
-    for n in 1..=100 {
+    for n in 1..=400 {
         stage.feed.publish(heavy(n));
         std::thread::sleep(Duration::from_millis(2));
     }
     std::thread::sleep(Duration::from_millis(200));
     // Once it answers it gets the newest view, not those it missed.
     let (mut seen, mut last) = (0, 0);
-    while last < 100 {
+    while last < 400 {
         last = view(&mut silent);
         seen += 1;
         silent.send(got(seen)).expect("it hears");
