@@ -55,8 +55,8 @@ impl Trajectory {
     pub fn repeated(mut self) -> Self {
         let (first, last) = (self.position[0], self.position[self.rows() - 1]);
         self.repeats = true;
-        let mut columns = [&self.force, &self.speed].into_iter().flatten();
-        if first == last && columns.all(|column| column.first() == column.last()) {
+        let closes = |column: &Option<Vec<f64>>| column.as_ref().is_none_or(|c| c.first() == c.last());
+        if first == last && closes(&self.force) && closes(&self.speed) {
             return self;
         }
         let top = first[2].max(last[2]) + BACK_MM;
