@@ -11,7 +11,7 @@ const SPELLING: &[Case] = &[
     (r#""overlap_add" => ^"overlapp_add""#, "no node kind `overlapp_add`|did you mean `overlap_add`?"),
     (
         "cutoff_hz: 20.0 => ^cutof_hz: 20.0",
-        "no parameter `cutof_hz`|did you mean `cutoff_hz` or `cutoff_hz_per_mm_s`?",
+        "no parameter `cutof_hz`|did you mean `cutoff_hz`?",
     ),
     (r#""motion.speed" => ^"motion.sped""#, "no output `sped`|did you mean `speed`?"),
     (r#""motion.speed" => ^"moton.speed""#, "no node `moton`|did you mean `motion`?"),
@@ -195,7 +195,7 @@ fn what_stands_on_the_command_line_is_checked_too() {
     let dir = Room::new();
     for (args, says) in [
         ("--set motion.cutoff_hz=-3", "-3 Hz is out of range"),
-        ("--set motion.cutof=3", "did you mean `cutoff_hz`?"),
+        ("--set motion.cutof=3", "did you mean `cutoff_hz` or `cutoff_hz_per_mm_s`?"),
         ("--set moton.cutoff_hz=3", "did you mean `motion`?"),
         ("--set motion.cutoff_hz", "no `=`"),
         ("--set tick_hx=500", "did you mean `tick_hz`?"),

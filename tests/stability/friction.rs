@@ -55,7 +55,7 @@ fn inside_its_bound() {
             tick.outputs.control(0)[0] = 0.1 * velocity.signum();
         }
     });
-    fails("friction_inside_its_bound", &drives, "of its energy at first");
+    fails("friction_inside_its_bound", &drives, "it still moves");
     // Twice as strong as it says.
     let strong = pushing(&subject, "friction", |f| 2.0 * f);
     fails("friction_inside_its_bound", &strong, "at rest, not");

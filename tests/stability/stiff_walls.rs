@@ -99,7 +99,7 @@ fn chatter() {
     fails("contact_chatter", &breaks, "contact is");
     // So much hysteresis in a corner that the stylus is thrown from wall to wall.
     let thrown = corner(&dir, "hysteresis_mm: 2,");
-    fails("contact_chatter", &subject(Some(&thrown)), "takes turns");
+    fails("contact_chatter", &subject(Some(&thrown)), "take turns");
 }
 
 #[test]
