@@ -9,10 +9,7 @@ type Case = (&'static str, &'static str);
 
 const SPELLING: &[Case] = &[
     (r#""overlap_add" => ^"overlapp_add""#, "no node kind `overlapp_add`|did you mean `overlap_add`?"),
-    (
-        "cutoff_hz: 20.0 => ^cutof_hz: 20.0",
-        "no parameter `cutof_hz`|did you mean `cutoff_hz`?",
-    ),
+    ("cutoff_hz: 20.0 => ^cutof_hz: 20.0", "no parameter `cutof_hz`|did you mean `cutoff_hz`?"),
     (r#""motion.speed" => ^"motion.sped""#, "no output `sped`|did you mean `speed`?"),
     (r#""motion.speed" => ^"moton.speed""#, "no node `moton`|did you mean `motion`?"),
     (r#""motion.speed" => ^"motion""#, "has 4 outputs; name one|`motion.speed`"),

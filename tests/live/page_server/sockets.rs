@@ -279,7 +279,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
         seen += 1;
         silent.send(got(seen)).expect("it hears");
     }
-    assert_eq!(seen, AHEAD + 1);
+    assert!((AHEAD + 1..=2 * AHEAD + 1).contains(&seen), "{seen}");
 }
 
 #[test]
