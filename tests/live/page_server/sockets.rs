@@ -268,7 +268,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
     let stage = stage();
     let mut silent = stage.watch().expect("a place");
     for n in 1..=400 {
-        stage.feed.publish(heavy(n));
+        stage.feed.publish(View { number: n, ..View::default() });
         std::thread::sleep(Duration::from_millis(2));
     }
     std::thread::sleep(Duration::from_millis(200));
@@ -279,7 +279,7 @@ fn a_page_that_says_nothing_is_sent_no_more_than_a_few_views() {
         seen += 1;
         silent.send(got(seen)).expect("it hears");
     }
-    assert!((AHEAD + 1..=2 * AHEAD + 1).contains(&seen), "{seen}");
+    assert_eq!(seen, AHEAD + 1);
 }
 
 #[test]
