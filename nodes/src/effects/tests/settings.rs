@@ -88,7 +88,6 @@ fn refused_text_of_a_list_is_told_at_its_place() {
         ("magnet", "magnets", "(stiffness_n_per_mm: 1)", "max_force_n"),
         ("vibration", "sources", "(frequency_hz: 21700, amplitude_m_s2: 2)", "21700 Hz is out of range"),
         ("waveform", "loops", "relief(heights: made(surface: \"hessian\"))", "expected `waveform(...)`"),
-        ("autoregressive", "models", "network", "network: cannot read this file"),
     ];
     for (kind, list, text, wanted) in lists {
         let e = refused(kind, &[(list, &format!("[{text:?}]"))]);
@@ -110,6 +109,8 @@ fn refused_text_of_a_list_is_told_at_its_place() {
             "no.png",
         ),
         ("autoregressive", "models", "autoregressive(model: \"no.ron\")", "no.ron"),
+        // A bare text is the path of a model.
+        ("autoregressive", "models", "no.ron", "no.ron"),
     ] {
         let e = refused(kind, &[(list, &format!("[{text:?}]"))]);
         assert!(e.starts_with(&format!("folder/{file}: cannot read this file")), "{e}");
