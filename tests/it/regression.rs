@@ -388,7 +388,8 @@ fn memory_without_its_unit_is_refused() {
 #[test]
 fn caret_stands_under_its_word_behind_wide_characters() {
     let dir = Room::new();
-    dir.write("g.ron", "Graph(version: 1, nodes: {\n\t\"日本語\": (kind: \"prob\"),\n}, wires: [])");
+    let graph = "Graph(version: 1, nodes: {\n\t\"日本語テスト\": (kind: \"prob\"),\n}, wires: [])";
+    dir.write("g.ron", graph);
     // A tab takes a column, each of the six characters two.
     let marks = format!("      │ {}^^^^^^ unknown kind\n", " ".repeat(1 + 14 + 9));
     dir.run("check g.ron").refused(&marks);
