@@ -77,6 +77,9 @@ struct Problem {
     settings: FitSettings,
     /// Coordinate, correct and wrong answers.
     rows: Vec<[f64; 3]>,
+    /// Middle and range of the coordinates.
+    middle: f64,
+    range: f64,
     low: [f64; 3],
     high: [f64; 3],
 }
@@ -163,8 +166,10 @@ impl Problem {
         let gap = finite.windows(2).map(|w| w[1] - w[0]).fold(range, f64::min);
         Ok(Self {
             settings: *settings,
-            low: [first - 3.0 * range, (0.01 / range).log_e(), lapse],
-            high: [last + 3.0 * range, (100.0 / gap).log_e(), lapse_most],
+            middle: first + range / 2.0,
+            range,
+            low: [first - 1e3 * range, (0.01 / range).log_e(), lapse],
+            high: [last + 1e3 * range, (100.0 / gap).log_e(), lapse_most],
             rows: merged,
         })
     }
@@ -202,12 +207,11 @@ impl Problem {
     fn start(&self) -> Point {
         let [low, high] = [self.low, self.high];
         let mut best = Point { at: low, log_likelihood: f64::NEG_INFINITY };
-        let range = (high[0] - low[0]) / 7.0;
-        for t in 0..=40 {
+        for t in -20..=20 {
             for s in 0..10 {
                 for lapse in [low[2], (low[2] + high[2]) / 2.0] {
-                    let threshold = low[0] + range * (2.0 + f64::from(t) * 3.0 / 40.0);
-                    let point = self.point([threshold, (f64::from(1 << s) / range).log_e(), lapse]);
+                    let threshold = self.middle + self.range * f64::from(t) * 0.075;
+                    let point = self.point([threshold, (f64::from(1 << s) / self.range).log_e(), lapse]);
                     if point.log_likelihood > best.log_likelihood {
                         best = point;
                     }

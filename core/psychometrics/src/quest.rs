@@ -206,6 +206,12 @@ impl Quest {
         (more && !sure).then(|| self.levels.get(self.next).copied()).flatten()
     }
 
+    /// Probability of a correct answer in the next trial, over all combinations; None after the last.
+    pub fn chance(&self) -> Option<f64> {
+        let likelihood = &self.correct[self.next * self.cells.len()..];
+        self.next_level().map(|_| dot(&self.posterior, likelihood))
+    }
+
     /// Takes the answer of a trial at [`next_level`](Self::next_level). Ignored after the last trial.
     ///
     /// An answer that no combination allows leaves the posterior as it is.
@@ -292,5 +298,76 @@ impl TryFrom<Log<QuestSettings>> for Quest {
         let mut quest = Self::new(log.settings)?;
         log.answers.into_iter().for_each(|correct| quest.answer(correct));
         Ok(quest)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "(
+        shape: Weibull,
+        axis: Linear,
+        levels: Logarithmic(from: 0.1, to: 10, count: 9),
+        threshold: Linear(from: 1, to: 5, count: 5),
+        slope: Values([1, 3]),
+        guess: Values([0.5]),
+        lapse: Values([0, 0.04]),
+        trials: 20,
+    )";
+
+    fn settings(text: &str) -> QuestSettings {
+        ron::from_str(text).unwrap()
+    }
+
+    #[test]
+    fn quest_resumes_from_its_log() {
+        let mut quest = Quest::new(settings(GOOD)).unwrap();
+        for i in 0..6 {
+            quest.answer(i % 3 != 1);
+            let text = serde_json::to_string(&quest).unwrap();
+            assert_eq!(serde_json::from_str::<Quest>(&text).unwrap(), quest);
+        }
+        assert!(ron::from_str::<QuestSettings>(&GOOD.replace("slope", "slop")).is_err());
+    }
+
+    #[test]
+    fn quest_ends_when_the_threshold_is_sure() {
+        let mut quest = Quest::new(QuestSettings { threshold_sd: Some(1.2), ..settings(GOOD) }).unwrap();
+        while let Some(level) = quest.next_level() {
+            quest.answer(level > 3.0);
+        }
+        assert!(quest.answers().len() < 20 && quest.posterior().threshold.sd < 1.2);
+        let before = quest.clone();
+        quest.answer(true);
+        assert_eq!(quest, before);
+    }
+
+    #[test]
+    fn impossible_answer_leaves_the_posterior() {
+        let text = GOOD
+            .replace("[0.5]", "[0]")
+            .replace("from: 0.1, to: 10, count: 9", "from: 1e-300, to: 1e-290, count: 2");
+        let mut quest = Quest::new(settings(&text)).unwrap();
+        let before = quest.posterior();
+        (0..3).for_each(|_| quest.answer(true));
+        assert!(quest.posterior().function.check().is_ok() && before.entropy > 0.0);
+    }
+
+    #[test]
+    fn quest_with_bad_setting_names_it() {
+        for (from, to, error) in [
+            ("count: 9", "count: 1", "`levels.count` is 1: use 2 to 10000, for instance 40"),
+            ("from: 0.1", "from: 0", "`levels.from` is 0: use a number above 0, for instance 1"),
+            ("to: 5", "to: 1", "`threshold.to` is 1: use a finite number above `from`"),
+            ("[1, 3]", "[]", "`slope` is empty: use for instance Values([0.02])"),
+            ("[1, 3]", "[1, -3]", "`slope` is -3: use a number above 0, for instance 3.5"),
+            ("[0, 0.04]", "[0.5]", "`lapse` is 0.5: use 0 or more, for instance 0.02"),
+            ("trials: 20", "trials: 0", "`trials` is 0: use 1 or more, for instance 100"),
+        ] {
+            assert_eq!(Quest::new(settings(&GOOD.replace(from, to))).unwrap_err(), error);
+        }
+        let huge = GOOD.replace("count: 9", "count: 10000").replace("count: 5", "count: 10000");
+        assert!(Quest::new(settings(&huge)).unwrap_err().starts_with("`levels` is one of 400000000"));
     }
 }
