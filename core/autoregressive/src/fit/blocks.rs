@@ -33,8 +33,10 @@ const PLACE: usize = 10;
 const FEW: usize = 5;
 /// Power over the expected one below which a sensor is dead.
 const DEAD: f64 = 0.01;
-/// Least blocks of a dead stretch.
+/// Least blocks of a dead stretch, among places of which most are alive.
 const DEAD_BLOCKS: usize = 10;
+/// Least blocks of a dead stretch, among places of which a tenth is alive: no bumpy texture is quiet so long.
+const LONG_DEAD_BLOCKS: usize = 100;
 
 /// A range of blocks.
 pub(super) type Span = Range<usize>;
@@ -51,6 +53,8 @@ pub(super) struct Blocks {
     /// Means over some blocks around.
     pub(super) smooth: Vec<[f64; 2]>,
     why: Vec<Option<Why>>,
+    /// Part of the power above half the models' rate, 0 to 1.
+    pub(super) above: f64,
 }
 
 impl Blocks {
@@ -72,7 +76,8 @@ impl Blocks {
         let means: Vec<[f64; 2]> = spans.iter().map(place).collect();
         let around = |b: usize| b.saturating_sub(SMOOTH / 2)..(b + SMOOTH / 2 + 1).min(count);
         let smooth = (0..count).map(|b| average(&means[around(b)])).collect();
-        let mut it = Self { rate_hz, len, signal: Vec::new(), means, smooth, why: vec![None; count] };
+        let mut it =
+            Self { rate_hz, len, signal: Vec::new(), means, smooth, why: vec![None; count], above: 0.0 };
         let block = |sample: usize| ((sample as f64 / each) as usize).min(count);
         it.mark_stuck(&axes, recording.rate_hz, &block);
         it.mark_low(1, settings.least_force_n, Why::NoContact);
@@ -85,7 +90,7 @@ impl Blocks {
             let samples = spans[run.start].start..spans[run.end - 1].end;
             axes.iter_mut().for_each(|axis| line(axis, samples.start, samples.end));
         }
-        it.signal = prepared(axes, recorded_hz, settings)?;
+        (it.signal, it.above) = prepared(axes, recorded_hz, settings)?;
         it.signal.resize(count * len, 0.0);
         Ok(it)
     }
@@ -155,7 +160,9 @@ impl Blocks {
     /// Marks stretches that are far quieter than the recording is elsewhere at their speed and force.
     ///
     /// A texture gets no quieter with speed or force. So two medians are compared with: of all places of
-    /// like speed and force, and of all that are not faster and not pressed harder.
+    /// like speed and force, and of all that are not faster and not pressed harder. Where most places of a
+    /// speed and force are dead, their median is dead, too: long stretches are compared with the loudest
+    /// tenth of those places.
     fn mark_dead(&mut self, axes: &[Vec<f64>], spans: &[Range<usize>], tolerance: &Tolerance) {
         let sums = |axis: &Vec<f64>| {
             let mut sums = vec![[0.0; 2]];
@@ -181,18 +188,18 @@ impl Blocks {
             .map(|place| (place.clone(), average(self.smooth_of(&place)), power(place)))
             .collect();
         let loudest = places.iter().map(|(.., power)| *power).fold(0.0, f64::max);
-        let mut is_quiet = vec![false; self.why.len()];
+        let mut is_quiet = [DEAD_BLOCKS, LONG_DEAD_BLOCKS].map(|least| (least, vec![false; self.why.len()]));
         let mut levels = Vec::new();
         for (place, at, _) in &places {
             let limits = tolerance.of(*at);
-            let mut median = |is_like: &dyn Fn(usize, f64) -> bool| {
+            let mut quantile = |part: f64, is_like: &dyn Fn(usize, f64) -> bool| {
                 levels.clear();
                 let like =
                     places.iter().filter(|(_, other, _)| (0..2).all(|axis| is_like(axis, other[axis])));
                 levels.extend(like.map(|(.., power)| *power));
-                let middle = levels.len() / 2;
+                let at = (part * levels.len() as f64) as usize;
                 let enough = levels.len() >= FEW;
-                if enough { *levels.select_nth_unstable_by(middle, f64::total_cmp).1 } else { 0.0 }
+                if enough { *levels.select_nth_unstable_by(at, f64::total_cmp).1 } else { 0.0 }
             };
             let windows = place.clone().map(|b| b..b + WINDOW);
             let windows =
@@ -201,17 +208,22 @@ impl Blocks {
             if quiet.iter().all(|(_, power)| *power > DEAD * loudest) {
                 continue;
             }
-            let same = median(&|axis, x| (x - at[axis]).abs() <= limits[axis]);
-            let expected = same.max(median(&|axis, x| x <= at[axis] + limits[axis]));
-            for (window, _) in quiet.into_iter().filter(|(_, power)| *power < DEAD * expected) {
-                is_quiet[window].fill(true);
+            let is_same = |axis: usize, x: f64| (x - at[axis]).abs() <= limits[axis];
+            let slower = quantile(0.5, &|axis, x| x <= at[axis] + limits[axis]);
+            let expected = [quantile(0.5, &is_same).max(slower), quantile(0.9, &is_same)];
+            for ((_, is_quiet), expected) in is_quiet.iter_mut().zip(expected) {
+                for (window, _) in quiet.iter().filter(|(_, power)| *power < DEAD * expected) {
+                    is_quiet[window.clone()].fill(true);
+                }
             }
         }
-        let mut end = 0;
-        for run in is_quiet.chunk_by(|a, b| a == b) {
-            end += run.len();
-            if run[0] && run.len() >= DEAD_BLOCKS {
-                self.mark((end - run.len()).saturating_sub(1)..end + 1, Why::Dead);
+        for (least, is_quiet) in is_quiet {
+            let mut end = 0;
+            for run in is_quiet.chunk_by(|a, b| a == b) {
+                end += run.len();
+                if run[0] && run.len() >= least {
+                    self.mark((end - run.len()).saturating_sub(1)..end + 1, Why::Dead);
+                }
             }
         }
     }

@@ -255,6 +255,8 @@ pub struct Report {
     pub segments: Vec<Segment>,
     /// Dropped stretches, in order of time.
     pub dropped: Vec<Dropped>,
+    /// Part of the recording's power above half the models' rate, 0 to 1. No model has it.
+    pub above: f64,
 }
 
 impl Report {
@@ -289,6 +291,7 @@ impl Recording<'_> {
             criterion: Vec::new(),
             segments: Vec::new(),
             dropped: blocks.dropped(dropped),
+            above: blocks.above,
         };
         if pieces.is_empty() {
             return Err(nothing(&blocks, &report, settings));

@@ -44,15 +44,22 @@ fn high_passed(mut signal: Vec<f64>, rate_hz: f64, settings: &Settings) -> Resul
     Ok(signal)
 }
 
-/// The acceleration as one signal at the models' rate without slow motion. `rate` is a whole number.
-pub(super) fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> Result<Vec<f64>, Diagnostic> {
+/// The acceleration as one signal at the models' rate without slow motion, and the part of its power that
+/// this rate leaves out, 0 to 1. `rate` is a whole number.
+pub(super) fn prepared(
+    axes: Vec<Vec<f64>>,
+    rate: f64,
+    settings: &Settings,
+) -> Result<(Vec<f64>, f64), Diagnostic> {
     let axes = axes.into_iter().map(|axis| high_passed(axis, rate, settings)).collect::<Result<_, _>>()?;
     let mut signal = joined(axes, rate);
     // In range: checked before.
     let (in_hz, out_hz) = (rate as u32, settings.model_hz);
     if in_hz == out_hz {
-        return Ok(signal);
+        return Ok((signal, 0.0));
     }
+    let square = |signal: &[f64]| signal.iter().map(|x| x * x).sum::<f64>() / signal.len().max(1) as f64;
+    let whole = square(&signal).max(NOTHING);
     let phase = FilterPhase::Linear;
     let conversion = Conversion { in_hz, out_hz, tick_num: 1, tick_den: 1, passband: PASSBAND, phase };
     let mut resampler = Resampler::<f64>::new(&conversion).map_err(|e| Diagnostic::new(e.to_string()))?;
@@ -65,7 +72,8 @@ pub(super) fn prepared(axes: Vec<Vec<f64>>, rate: f64, settings: &Settings) -> R
     let mut out = vec![0.0; skip + len];
     resampler.process(0, &signal, 0, &mut out);
     out.drain(..skip);
-    Ok(out)
+    let above = (1.0 - square(&out) / whole).clamp(0.0, 1.0);
+    Ok((out, above))
 }
 
 /// One signal. In each frame its spectrum has the power of all axes together and the phases of the axis

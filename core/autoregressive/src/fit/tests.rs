@@ -211,6 +211,45 @@ fn fast_recordings_are_resampled_to_the_models_rate() {
     assert_eq!(recorded.fit(&settings).0.rate_hz(), 5000.0);
 }
 
+#[test]
+fn power_above_half_the_rate_is_told_and_bands_reach_it() {
+    // White noise at 5 kHz: four fifths of its power are above 500 Hz.
+    let recorded = Recorded::new(5000.0, &[stay(50.0, 1.0, 8.0, &[], 0.3)], 0.0, 9);
+    let above = recorded.fit(&Settings::default()).1.above;
+    assert!((above - 0.8).abs() < 0.03, "{above}");
+    let settings = Settings { model_hz: 5000, ..Settings::default() };
+    let (texture, report) = recorded.fit(&settings);
+    assert_eq!(report.above, 0.0);
+    let all = recorded.recording().compare(&settings, &Arc::new(texture), &report).unwrap().all;
+    let highest = all.bands.last().unwrap().centre_hz;
+    assert!((highest - 1995.3).abs() < 0.1, "{highest}");
+    assert!(all.worst().unwrap().off_db().abs() < 1.5, "{:?}", all.worst());
+}
+
+#[test]
+fn stay_that_is_dead_for_the_most_part_is_left_out() {
+    let ar = poles(&[[120.0, 30.0], [310.0, 50.0]], 1000.0);
+    let mut recorded = Recorded::new(1000.0, &[stay(100.0, 1.0, 12.0, &ar, 0.3)], 0.0, 5);
+    let truth = recorded.fit(&Settings::default()).0.models()[0].filter().variance();
+    recorded.acceleration[4000..11_000].iter_mut().for_each(|x| *x *= 1e-3);
+    let (texture, report) = recorded.fit(&Settings::default());
+    let dead = report.dropped_s(Why::Dead);
+    assert!((dead - 7.0).abs() < 0.1, "{report:#?}");
+    let off = 10.0 * (texture.models()[0].filter().variance() / truth).log10();
+    assert!(texture.models().len() == 1 && off.abs() < 0.5, "{off} dB");
+}
+
+#[test]
+fn texture_with_few_bumps_has_no_dead_stretch() {
+    // A bump every half second, 30 ms long: most of the time the tool is in silence.
+    let mut recorded = noise(12.0);
+    for (n, x) in recorded.acceleration.iter_mut().enumerate() {
+        *x *= if n % 500 < 30 { 1.0 } else { 1e-3 };
+    }
+    let dead = recorded.fit(&Settings::default()).1.dropped_s(Why::Dead);
+    assert_eq!(dead, 0.0);
+}
+
 fn noise(seconds: f64) -> Recorded {
     Recorded::new(1000.0, &[stay(50.0, 1.0, seconds, &[-0.5, 0.2], 0.3)], 0.0, 1)
 }

@@ -105,6 +105,9 @@ const FAR_OFF_DB: f64 = 3.0;
 /// .. if the error is also this many times the one expected by chance.
 const CHANCES: f64 = 4.0;
 
+/// A larger part of the power above half the models' rate causes a warning.
+const MUCH_ABOVE: f64 = 0.05;
+
 /// Using a smaller part of the recording than this causes a warning.
 const LITTLE: f64 = 0.25;
 
@@ -150,6 +153,14 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         warn(&format!(
             "only {seconds:.1} s of {whole_s:.1} s are used; the report lists the dropped seconds and the \
              reasons"
+        ));
+    }
+    if fitted.above > MUCH_ABOVE {
+        let (percent, half_hz) = (100.0 * fitted.above, f64::from(args.model_hz) / 2.0);
+        let hz = (2 * args.model_hz).min(recording.rate_hz as u32);
+        warn(&format!(
+            "{percent:.0} % of the vibration's power is above {half_hz:.0} Hz, and the texture leaves it out; \
+             --model-hz {hz} keeps more"
         ));
     }
     let (recorded, texture, fitted) = (&recorded, &texture, &fitted);

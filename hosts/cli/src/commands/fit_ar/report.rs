@@ -17,9 +17,8 @@ use crate::failure::{clean, plural};
 const AROUND: usize = 3;
 /// Most stretches without a signal that are listed.
 const MOST_TOLD: usize = 8;
-/// Names of thirds of an octave from 25 Hz on (IEC 61260).
-const BANDS: [&str; 13] =
-    ["25", "31.5", "40", "50", "63", "80", "100", "125", "160", "200", "250", "315", "400"];
+/// Nominal centres of thirds of an octave from 25 Hz on, ten a decade (IEC 61260).
+const BANDS: [f64; 10] = [25.0, 31.5, 40.0, 50.0, 63.0, 80.0, 100.0, 125.0, 160.0, 200.0];
 
 pub struct Report<'a> {
     pub args: &'a Args,
@@ -97,7 +96,7 @@ impl Report<'_> {
             );
         }
         out += "\n   band  recorded  rendered, m/s^2 rms over all segments\n";
-        for (band, name) in compared.all.bands.iter().zip(BANDS) {
+        for (band, name) in compared.all.bands.iter().zip(nominal_hz()) {
             let (Band { recorded_m_s2, rendered_m_s2, .. }, off) = (band, band.off_db());
             out += &format!("{name:>7} {recorded_m_s2:9.5} {rendered_m_s2:9.5} {off:+6.2} dB\n");
         }
@@ -181,15 +180,22 @@ impl Report<'_> {
         json!({
             "recording": self.args.recording.display().to_string(), "rate_hz": self.recorded.rate_hz,
             "seconds": fitted.duration_s, "axes": self.recorded.acceleration_m_s2.len(),
-            "model_hz": texture.rate_hz(), "high_pass_hz": fitted.high_pass_hz, "order": fitted.order,
+            "model_hz": texture.rate_hz(), "high_pass_hz": fitted.high_pass_hz,
+            "order": fitted.order,
             "criterion": self.criterion(), "criterion_by_order": fitted.criterion,
             "models": models.collect::<Vec<_>>(), "triangles": texture.triangles().corners(),
             "hull": { "speed_mm_s": speed, "force_n": force, "corners": corners },
             "segments": segments.collect::<Vec<_>>(), "dropped": dropped.collect::<Vec<_>>(),
-            "ignored_columns": self.recorded.ignored,
+            "above": fitted.above, "ignored_columns": self.recorded.ignored,
             "all": compared_json(&self.compared.all), "written": written,
         })
     }
+}
+
+/// Nominal centres of all bands \[Hz\].
+fn nominal_hz() -> impl Iterator<Item = f64> {
+    let decades = std::iter::successors(Some(1.0), |by| Some(10.0 * by));
+    decades.flat_map(|by| BANDS.map(|hz| by * hz))
 }
 
 fn worst(band: &Band) -> String {
@@ -204,9 +210,9 @@ fn level(model: &Model) -> f64 {
 }
 
 fn compared_json(c: &Compared) -> Value {
-    let bands = c.bands.iter().zip(BANDS).map(|(b, name)| {
+    let bands = c.bands.iter().zip(nominal_hz()).map(|(b, name)| {
         json!({
-            "band": name, "centre_hz": b.centre_hz, "recorded_m_s2": b.recorded_m_s2,
+            "band": name.to_string(), "centre_hz": b.centre_hz, "recorded_m_s2": b.recorded_m_s2,
             "rendered_m_s2": b.rendered_m_s2, "off_db": b.off_db(),
         })
     });

@@ -1,0 +1,756 @@
+//! The experiment file.
+
+use std::collections::HashSet;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use asperity_diagnostics::ron::{self, Key, Kind, Record, Value};
+use asperity_diagnostics::{Diagnostic, Place, Source, Span, one_of};
+use asperity_psychometrics::{FitSettings, Quest, QuestSettings, StaircaseSettings};
+
+use crate::person::Person;
+use crate::question::{self, Question};
+use crate::test::{self, Test};
+
+/// First word of the file.
+const WORD: &str = "Experiment";
+/// Most trials of a participant.
+pub(crate) const MOST_TRIALS: usize = 10_000;
+
+/// An experiment file: what people feel, what they are asked, and how the answers are tested.
+///
+/// ```ron
+/// Experiment(
+///     version: 1,
+///     title: "Oak or felt",
+///     participants: 12,
+///     factors: {"speed": ["slow", "fast"]},
+///     stimuli: {
+///         "oak": graph(file: "../texture.ron", set: {"texture.material": "oak"}),
+///         "felt": graph(file: "../texture.ron", set: {"texture.material": "felt"}),
+///     },
+///     parts: [(
+///         name: "choice",
+///         over: ["speed"],
+///         show: [("oak", "felt")],
+///         ask: [which(name: "rougher", text: "Which side is rougher?")],
+///         tests: [binomial(of: "rougher", chosen: "oak", each: ["speed"])],
+///     )],
+/// )
+/// ```
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// Text of the file.
+    pub source: Arc<Source>,
+    /// Name for people.
+    pub title: String,
+    /// Planned number of participants.
+    pub participants: u32,
+    /// Seed of all orders and sides.
+    pub seed: u64,
+    /// What varies over trials, such as the texture.
+    pub factors: Vec<Factor>,
+    /// What a person may feel.
+    pub stimuli: Vec<Stimulus>,
+    /// Parts, in their order.
+    pub parts: Vec<Part>,
+    /// Questions after the last part.
+    pub survey: Vec<Question>,
+    /// Words of the screens that the file replaces, by their English key.
+    pub words: Vec<(String, String)>,
+    /// Noise on other channels of the sound card.
+    pub masking: Option<Masking>,
+    /// Larger share of missed deadlines marks a trial, 0 to 1.
+    pub missed: f64,
+    /// Model of a person for simulations.
+    pub person: Person,
+    /// Whether marked trials are repeated at the end of their part.
+    pub repeat_marked: bool,
+}
+
+/// Something that varies over trials.
+#[derive(Clone, Debug)]
+pub struct Factor {
+    /// Name, written `{name}` in stimuli.
+    pub name: String,
+    /// Its levels, in the order of the file.
+    pub levels: Vec<String>,
+}
+
+/// Something that a person may feel.
+#[derive(Clone, Debug)]
+pub struct Stimulus {
+    /// Name of the condition. The participant's screen never has it.
+    pub name: String,
+    /// Its source.
+    pub kind: StimulusKind,
+    /// Its place in the file.
+    pub place: Place,
+}
+
+/// Source of a stimulus. Texts may contain `{factor}`.
+#[derive(Clone, Debug)]
+pub enum StimulusKind {
+    /// A graph or scene with settings, each `node.parameter` or `surface.effect.parameter`.
+    Graph {
+        /// Path from the experiment's folder, and its place.
+        file: Value,
+        /// Settings of the graph.
+        set: Vec<(Key, Value)>,
+    },
+    /// A recorded clip: a WAV file of acceleration.
+    Clip {
+        /// Path from the experiment's folder, and its place.
+        file: Value,
+    },
+    /// A real sample that the experimenter mounts.
+    Real {
+        /// Name of the sample.
+        mount: Value,
+    },
+    /// Nothing.
+    Silence,
+}
+
+/// A part of an experiment: its trials have the same questions.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Name, unique in the file.
+    pub name: String,
+    /// Text of a screen before the part.
+    pub instructions: String,
+    /// Factors that vary, with their levels, as indices.
+    pub over: Vec<(usize, Vec<usize>)>,
+    /// Stimuli of each kind of trial, as indices.
+    pub show: Vec<Vec<usize>>,
+    /// A stimulus felt before the others.
+    pub reference: Option<usize>,
+    /// Who stands where.
+    pub sides: Sides,
+    /// Order of the trials.
+    pub order: Order,
+    /// Trials of each kind.
+    pub repeats: u32,
+    /// Trials between two breaks.
+    pub break_every: Option<u32>,
+    /// Level of loudness that the stimuli of a trial share.
+    pub level: Matching,
+    /// Parameter that varies from trial to trial.
+    pub vary: Option<Vary>,
+    /// Questions of each trial. A training has none.
+    pub ask: Vec<Question>,
+    /// Estimated time of a trial in s.
+    pub trial_s: f64,
+    /// Tests of the answers.
+    pub tests: Vec<Test>,
+    /// Its place in the file.
+    pub place: Place,
+}
+
+/// Places of a trial's stimuli.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sides {
+    /// As the file lists them, from left to right.
+    Fixed,
+    /// Drawn for each trial.
+    Random,
+    /// Each order equally often over the participant's trials of a kind, and over participants.
+    Balanced,
+    /// A single stimulus on the left.
+    Left,
+    /// A single stimulus on the right.
+    Right,
+}
+
+/// Order of a part's trials.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Order {
+    /// As the file lists them.
+    Fixed,
+    /// Drawn for each participant.
+    Random,
+    /// A row of a Latin square for each participant, balanced for the trial before (Williams 1949).
+    LatinSquare,
+    /// Blocks of the levels of a factor, in random order; trials within a block are in random order.
+    Blocks(usize),
+}
+
+/// Level matching of stimuli over the reference stroke.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Matching {
+    /// None.
+    Off,
+    /// Equal root mean square.
+    Rms,
+    /// Equal perceptual level.
+    Perceptual,
+}
+
+/// A parameter of a stimulus that varies from trial to trial.
+#[derive(Clone, Debug)]
+pub struct Vary {
+    /// Index of the stimulus.
+    pub stimulus: usize,
+    /// Setting, such as `strength.gain`.
+    pub set: String,
+    /// How levels are chosen.
+    pub method: Method,
+    /// Its place in the file.
+    pub place: Place,
+}
+
+/// Choice of levels.
+#[derive(Clone, Debug)]
+pub enum Method {
+    /// Up and down with the answers.
+    Staircase(StaircaseSettings),
+    /// The most informative level.
+    Quest(QuestSettings),
+    /// Fixed levels, each several times, and a fitted function.
+    Constant {
+        /// Levels.
+        levels: Vec<f64>,
+        /// Trials of each.
+        each: u32,
+        /// Shape of the function.
+        fit: FitSettings,
+    },
+}
+
+/// Noise against the sound of the actuator.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Masking {
+    /// Whether it is pink, else white.
+    pub is_pink: bool,
+    /// Root mean square below full scale in dB.
+    pub dbfs: f64,
+    /// Channels of the sound card, from 0.
+    pub channels: Vec<u16>,
+}
+
+impl Experiment {
+    /// Whether a text begins as an experiment file.
+    pub fn is_meant(source: &Source) -> bool {
+        ron::first_word(source) == Some(WORD)
+    }
+
+    /// Reads an experiment from a text. Files of stimuli are checked by who plays them.
+    ///
+    /// # Errors
+    /// Invalid RON; an unknown field or name; a value out of its range.
+    pub fn parse(source: &Arc<Source>) -> Result<Self, Diagnostic> {
+        let value = ron::parse(source)?;
+        let mut record = value.record(WORD)?;
+        let version = record.required("version")?;
+        if version.i64()? != 1 {
+            return Err(version
+                .error("unknown version of the experiment format")
+                .help("this program reads version 1"));
+        }
+        let title = words(record.required("title")?)?;
+        let participants = record.required("participants")?.i64_in(1..=10_000, "people")? as u32;
+        let seed = record.optional("seed").map_or(Ok(1), |v| v.i64_in(0..=i64::MAX, ""))? as u64;
+        let factors = record.optional("factors").map_or(Ok(Vec::new()), factors)?;
+        let stimuli = stimuli(record.required("stimuli")?, &factors)?;
+        let missed = record.optional("missed").map_or(Ok(0.01), |v| v.f64_in(0.0..=1.0, ""))?;
+        let repeat_marked = record.optional("repeat_marked").map_or(Ok(true), Value::bool)?;
+        let masking = record.optional("masking").map(masking).transpose()?;
+        let words = record.optional("words").map_or(Ok(Vec::new()), screen_words)?;
+        let person = record.optional("person").map_or(Ok(Person::default()), Person::read)?;
+        let survey = list(record.optional("survey"), Question::read)?;
+        let named = Named { factors: &factors, stimuli: &stimuli };
+        let listed = record.required("parts")?;
+        let parts = listed.list()?.iter().map(|v| part(v, named)).collect::<Result<Vec<_>, _>>()?;
+        record.finish()?;
+        if parts.is_empty() {
+            return Err(listed
+                .error("no parts")
+                .help("(name: \"choice\", show: [(\"a\", \"b\")], ask: [...])"));
+        }
+        no_duplicates(parts.iter().map(|p| (p.name.as_str(), &p.place)))?;
+        question::distinct(&survey)?;
+        let source = source.clone();
+        Ok(Self {
+            source,
+            title,
+            participants,
+            seed,
+            factors,
+            stimuli,
+            parts,
+            survey,
+            words,
+            masking,
+            missed,
+            person,
+            repeat_marked,
+        })
+    }
+}
+
+/// Names that parts refer to.
+#[derive(Clone, Copy)]
+struct Named<'a> {
+    factors: &'a [Factor],
+    stimuli: &'a [Stimulus],
+}
+
+impl Named<'_> {
+    fn factor(&self, value: &Value) -> Result<usize, Diagnostic> {
+        index(value, value.text()?, "factor", self.factors.iter().map(|f| f.name.as_str()))
+    }
+
+    fn stimulus(&self, value: &Value) -> Result<usize, Diagnostic> {
+        index(value, value.text()?, "stimulus", self.stimuli.iter().map(|s| s.name.as_str()))
+    }
+}
+
+/// Index of a name in a list.
+fn index<'a>(
+    value: &Value,
+    name: &str,
+    what: &str,
+    names: impl Iterator<Item = &'a str> + Clone,
+) -> Result<usize, Diagnostic> {
+    let unknown = || value.error(format!("unknown {what} `{name}`")).help(one_of(name, names.clone()));
+    names.clone().position(|known| known == name).ok_or_else(unknown)
+}
+
+/// A text that is not blank.
+pub(crate) fn words(value: &Value) -> Result<String, Diagnostic> {
+    match value.text()? {
+        blank if blank.trim().is_empty() => Err(value.error("an empty text")),
+        text => Ok(text.to_owned()),
+    }
+}
+
+pub(crate) fn list<T>(
+    value: Option<&Value>,
+    read: impl Fn(&Value) -> Result<T, Diagnostic>,
+) -> Result<Vec<T>, Diagnostic> {
+    value.map_or(Ok(Vec::new()), |v| v.list()?.iter().map(read).collect())
+}
+
+pub(crate) fn no_duplicates<'a>(names: impl Iterator<Item = (&'a str, &'a Place)>) -> Result<(), Diagnostic> {
+    let mut known = HashSet::new();
+    for (name, place) in names {
+        if !known.insert(name) {
+            return Err(Diagnostic::new(format!("the name `{name}` is used twice")).at_place(place));
+        }
+    }
+    Ok(())
+}
+
+/// The name before a value's parenthesis, or a bare word: which kind of thing it is.
+pub(crate) fn variant<'v>(value: &'v Value, known: &[&str]) -> Result<&'v str, Diagnostic> {
+    let found = match value.kind() {
+        Kind::Record { name: Some(name), .. } | Kind::Word(name) => name.as_str(),
+        _ => {
+            let known: Vec<String> = known.iter().map(|word| format!("`{word}(...)`")).collect();
+            return Err(value
+                .error(format!("{} has no kind", value.describe()))
+                .help(format!("one of {}", known.join(", "))));
+        }
+    };
+    if known.contains(&found) {
+        return Ok(found);
+    }
+    Err(value.error(format!("unknown kind `{found}`")).help(one_of(found, known.iter().copied())))
+}
+
+/// The fields of a variant; a bare word has none.
+pub(crate) fn fields<'v>(value: &'v Value, name: &str) -> Result<Option<Record<'v>>, Diagnostic> {
+    match value.kind() {
+        Kind::Word(_) => Ok(None),
+        _ => value.record(name).map(Some),
+    }
+}
+
+/// Settings that another crate defines: unknown fields and bad values are refused at their place.
+pub(crate) fn settings<T: serde::de::DeserializeOwned>(value: &Value) -> Result<T, Diagnostic> {
+    let Span { start, end } = value.span();
+    // Without the variant's name, which says only which settings they are.
+    let text = &value.source().text()[start..end];
+    let inner = text.find('(').unwrap_or(0);
+    ::ron::from_str(&text[inner..]).map_err(|e| {
+        let line = text[inner..].split_inclusive('\n').take(e.span.start.line.saturating_sub(1));
+        let at = line.map(str::len).sum::<usize>();
+        let rest = &text[inner + at..];
+        let column = rest.char_indices().nth(e.span.start.col.saturating_sub(1)).map_or(0, |(i, _)| i);
+        let at = start + inner + at + column;
+        Diagnostic::new(e.code.to_string()).at(value.source(), Span { start: at.min(end - 1), end })
+    })
+}
+
+fn factors(value: &Value) -> Result<Vec<Factor>, Diagnostic> {
+    let mut factors = Vec::new();
+    for (key, levels) in value.map()? {
+        let place = Place { source: value.source().clone(), span: key.span };
+        let is_word = |c: char| c.is_alphanumeric() || c == '_' || c == ' ';
+        if key.name.trim().is_empty() || !key.name.chars().all(is_word) {
+            return Err(Diagnostic::new(format!("`{}` cannot name a factor", key.name))
+                .at_place(&place)
+                .help("letters, digits, spaces and `_`"));
+        }
+        let list = levels.list()?;
+        if list.is_empty() {
+            return Err(levels.error("a factor without levels").help("[\"first\", \"second\"]"));
+        }
+        let places: Vec<Place> = list.iter().map(Value::place).collect();
+        let levels = list.iter().map(words).collect::<Result<Vec<_>, _>>()?;
+        no_duplicates(levels.iter().map(String::as_str).zip(&places))?;
+        factors.push(Factor { name: key.name.clone(), levels });
+    }
+    Ok(factors)
+}
+
+fn stimuli(value: &Value, factors: &[Factor]) -> Result<Vec<Stimulus>, Diagnostic> {
+    let mut stimuli = Vec::new();
+    for (key, of) in value.map()? {
+        let place = Place { source: value.source().clone(), span: key.span };
+        if key.name.trim().is_empty() {
+            return Err(Diagnostic::new("an empty name").at_place(&place));
+        }
+        let name = variant(of, &["graph", "clip", "real", "silence"])?;
+        let kind = match (name, fields(of, name)?) {
+            ("silence", record) => {
+                record.map_or(Ok(()), Record::finish)?;
+                StimulusKind::Silence
+            }
+            (_, None) => {
+                return Err(of.error(format!("`{name}` needs fields")).help("graph(file: \"a.ron\")"));
+            }
+            (_, Some(mut record)) => {
+                let kind = match name {
+                    "real" => StimulusKind::Real { mount: templated(record.required("mount")?, factors)? },
+                    "clip" => StimulusKind::Clip { file: templated(record.required("file")?, factors)? },
+                    _ => {
+                        let file = templated(record.required("file")?, factors)?;
+                        let set = record.optional("set").map_or(Ok(&[][..]), Value::map)?;
+                        set.iter().try_for_each(|(_, value)| known_factors(value, factors))?;
+                        StimulusKind::Graph { file, set: set.to_vec() }
+                    }
+                };
+                record.finish()?;
+                kind
+            }
+        };
+        stimuli.push(Stimulus { name: key.name.clone(), kind, place });
+    }
+    if stimuli.is_empty() {
+        return Err(value.error("no stimuli").help("{\"oak\": graph(file: \"oak.ron\")}"));
+    }
+    Ok(stimuli)
+}
+
+fn templated(value: &Value, factors: &[Factor]) -> Result<Value, Diagnostic> {
+    words(value)?;
+    known_factors(value, factors)?;
+    Ok(value.clone())
+}
+
+/// Refuses a text with `{name}` where no factor has that name.
+fn known_factors(value: &Value, factors: &[Factor]) -> Result<(), Diagnostic> {
+    match value.kind() {
+        Kind::Text(text) => {
+            for part in text.split('{').skip(1) {
+                let Some((name, _)) = part.split_once('}') else {
+                    return Err(value
+                        .error("`{` without `}`")
+                        .help("{factor} stands for a level of a factor"));
+                };
+                index(value, name, "factor", factors.iter().map(|f| f.name.as_str()))?;
+            }
+            Ok(())
+        }
+        Kind::List(items) => items.iter().try_for_each(|item| known_factors(item, factors)),
+        Kind::Map(entries) | Kind::Record { fields: entries, .. } => {
+            entries.iter().try_for_each(|(_, value)| known_factors(value, factors))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn masking(value: &Value) -> Result<Masking, Diagnostic> {
+    let name = variant(value, &["white", "pink"])?;
+    let mut record = value.record(name)?;
+    let dbfs = record.required("dbfs")?.f64_in(-100.0..=-6.0, "dB")?;
+    let channel = |v: &Value| v.i64_in(0..=255, "").map(|n| n as u16);
+    let listed = record.required("channels")?;
+    let channels = listed.list()?.iter().map(channel).collect::<Result<Vec<_>, _>>()?;
+    record.finish()?;
+    if channels.is_empty() {
+        return Err(listed.error("no channels").help("[2, 3]"));
+    }
+    Ok(Masking { is_pink: name == "pink", dbfs, channels })
+}
+
+/// Keys of the words that screens show.
+pub const WORDS: [(&str, &str); 14] = [
+    ("next", "Next"),
+    ("wait", "Wait"),
+    ("explore", "Explore"),
+    ("left", "Left"),
+    ("right", "Right"),
+    ("reference", "Reference"),
+    ("same", "The same"),
+    ("different", "Different"),
+    ("break", "Take a break."),
+    ("welcome", "Welcome. Please wait."),
+    ("thanks", "Thank you. The study is over."),
+    ("paused", "Paused. Please wait."),
+    ("keys", "Keys"),
+    ("trial", "Question {number} of {count}"),
+];
+
+fn screen_words(value: &Value) -> Result<Vec<(String, String)>, Diagnostic> {
+    let mut found = Vec::new();
+    for (key, text) in value.map()? {
+        let place = Place { source: value.source().clone(), span: key.span };
+        if !WORDS.iter().any(|(known, _)| *known == key.name) {
+            return Err(Diagnostic::new(format!("the screens have no word `{}`", key.name))
+                .at_place(&place)
+                .help(one_of(&key.name, WORDS.iter().map(|(known, _)| *known))));
+        }
+        found.push((key.name.clone(), words(text)?));
+    }
+    Ok(found)
+}
+
+fn part(value: &Value, named: Named<'_>) -> Result<Part, Diagnostic> {
+    let mut record = value.record("Part")?;
+    let name = words(record.required("name")?)?;
+    let instructions = record.optional("instructions").map_or(Ok(String::new()), words)?;
+    let over = record.optional("over").map_or(Ok(Vec::new()), |v| over(v, named))?;
+    let shown = record.required("show")?;
+    let show = show(shown, named)?;
+    let reference = record.optional("reference").map(|v| named.stimulus(v)).transpose()?;
+    let most = show.iter().map(Vec::len).max().unwrap_or(0);
+    let placed = record.optional("sides");
+    let sides =
+        placed.map_or(Ok("balanced"), |v| v.choice(&["fixed", "random", "balanced", "left", "right"]))?;
+    let sides = match sides {
+        "fixed" => Sides::Fixed,
+        "random" => Sides::Random,
+        "left" => Sides::Left,
+        "right" => Sides::Right,
+        _ => Sides::Balanced,
+    };
+    if let Some(placed) = placed.filter(|_| matches!(sides, Sides::Left | Sides::Right) && most > 1) {
+        return Err(placed
+            .error(format!("one side for {most} stimuli"))
+            .help("`balanced`, `random` or `fixed`; `left` and `right` are for a single stimulus"));
+    }
+    let order = record.optional("order").map_or(Ok(Order::Random), |v| order(v, named, &over))?;
+    let count = |v: &Value| v.i64_in(1..=1000, "").map(|n| n as u32);
+    let repeats = record.optional("repeats").map_or(Ok(1), count)?;
+    let break_every = record.optional("break_every").map(count).transpose()?;
+    let matched = record.optional("level").map_or(Ok("off"), |v| v.choice(&["off", "rms", "perceptual"]))?;
+    let level = match matched {
+        "rms" => Matching::Rms,
+        "perceptual" => Matching::Perceptual,
+        _ => Matching::Off,
+    };
+    let vary = record.optional("vary").map(|v| vary(v, named)).transpose()?;
+    let listed = record.optional("ask");
+    let ask = list(listed, Question::read)?;
+    let trial_s = record.optional("trial_s").map_or(Ok(20.0), |v| v.f64_in(0.1..=3600.0, "s"))?;
+    let tested = record.optional("tests");
+    let it = Part {
+        name,
+        instructions,
+        over,
+        show,
+        reference,
+        sides,
+        order,
+        repeats,
+        break_every,
+        level,
+        vary,
+        ask,
+        trial_s,
+        tests: Vec::new(),
+        place: value.place(),
+    };
+    question::distinct(&it.ask)?;
+    question::fit_shown(&it, shown)?;
+    if let Some(vary) = &it.vary {
+        question::judges(&it, vary)?;
+    }
+    let tests = list(tested, |v| test::read(v, &it, named.factors, named.stimuli))?;
+    record.finish()?;
+    Ok(Part { tests, ..it })
+}
+
+fn over(value: &Value, named: Named<'_>) -> Result<Vec<(usize, Vec<usize>)>, Diagnostic> {
+    let whole = |factor: usize| (factor, (0..named.factors[factor].levels.len()).collect());
+    let found: Vec<(usize, Vec<usize>)> = match value.kind() {
+        Kind::List(items) => {
+            items.iter().map(|item| named.factor(item).map(whole)).collect::<Result<_, _>>()?
+        }
+        _ => {
+            let one = |(key, levels): &(Key, Value)| {
+                let names = named.factors.iter().map(|f| f.name.as_str());
+                let key_value = Value::made(
+                    Kind::Text(key.name.clone()),
+                    &Place { source: value.source().clone(), span: key.span },
+                );
+                let factor = index(&key_value, &key.name, "factor", names)?;
+                let known = || named.factors[factor].levels.iter().map(String::as_str);
+                let level = |v: &Value| index(v, v.text()?, "level", known());
+                let chosen = levels.list()?.iter().map(level).collect::<Result<Vec<_>, _>>()?;
+                if chosen.is_empty() {
+                    return Err(levels.error("no levels").help("leave the factor out instead"));
+                }
+                Ok((factor, chosen))
+            };
+            value.map()?.iter().map(one).collect::<Result<_, _>>()?
+        }
+    };
+    let mut seen = HashSet::new();
+    if let Some((twice, _)) = found.iter().find(|(factor, _)| !seen.insert(*factor)) {
+        return Err(value.error(format!("the factor `{}` stands twice", named.factors[*twice].name)));
+    }
+    Ok(found)
+}
+
+/// Kinds of trials: a name alone, a tuple of names, or `pairs([..])` for all pairs.
+fn show(value: &Value, named: Named<'_>) -> Result<Vec<Vec<usize>>, Diagnostic> {
+    let mut kinds = Vec::new();
+    for item in value.list()? {
+        let kind = match item.kind() {
+            Kind::Text(_) => vec![named.stimulus(item)?],
+            Kind::Record { name: Some(_), .. } => {
+                variant(item, &["pairs"])?;
+                let mut record = item.record("pairs")?;
+                let of = record.required("of")?;
+                let all = of.list()?.iter().map(|v| named.stimulus(v)).collect::<Result<Vec<_>, _>>()?;
+                record.finish()?;
+                if all.len() < 2 {
+                    return Err(of.error("no pair").help("at least two stimuli"));
+                }
+                for (i, a) in all.iter().enumerate() {
+                    kinds.extend(all[i + 1..].iter().map(|b| vec![*a, *b]));
+                }
+                continue;
+            }
+            _ => item.list()?.iter().map(|v| named.stimulus(v)).collect::<Result<Vec<_>, _>>()?,
+        };
+        if kind.is_empty() {
+            return Err(item.error("nothing to show").help("(\"first\", \"second\")"));
+        }
+        kinds.push(kind);
+    }
+    if kinds.is_empty() {
+        return Err(value.error("nothing to show").help("[(\"first\", \"second\")]"));
+    }
+    Ok(kinds)
+}
+
+fn order(value: &Value, named: Named<'_>, over: &[(usize, Vec<usize>)]) -> Result<Order, Diagnostic> {
+    match variant(value, &["fixed", "random", "latin_square", "blocks"])? {
+        "fixed" => Ok(Order::Fixed),
+        "latin_square" => Ok(Order::LatinSquare),
+        "blocks" => {
+            let mut record = value.record("blocks")?;
+            let by = record.required("by")?;
+            let factor = named.factor(by)?;
+            record.finish()?;
+            if !over.iter().any(|(other, _)| *other == factor) {
+                return Err(by.error("this factor does not vary in this part").help("name it in `over`"));
+            }
+            Ok(Order::Blocks(factor))
+        }
+        _ => Ok(Order::Random),
+    }
+}
+
+fn vary(value: &Value, named: Named<'_>) -> Result<Vary, Diagnostic> {
+    let mut record = value.record("Vary")?;
+    let stimulus = record.required("stimulus")?;
+    let (at, which) = (stimulus, named.stimulus(stimulus)?);
+    if !matches!(named.stimuli[which].kind, StimulusKind::Graph { .. }) {
+        return Err(at.error("this stimulus has no parameters").help("name one of kind `graph(...)`"));
+    }
+    let set = words(record.required("set")?)?;
+    let by = record.required("by")?;
+    let refuse = |why: String| by.error(why);
+    let method = match variant(by, &["staircase", "quest", "constant"])? {
+        "staircase" => {
+            let settings: StaircaseSettings = settings(by)?;
+            settings.check().map_err(refuse)?;
+            Method::Staircase(settings)
+        }
+        "quest" => {
+            let settings: QuestSettings = settings(by)?;
+            Quest::new(settings.clone()).map_err(refuse)?;
+            Method::Quest(settings)
+        }
+        _ => {
+            let mut record = by.record("constant")?;
+            let listed = record.required("levels")?;
+            let levels = listed.list()?.iter().map(Value::f64).collect::<Result<Vec<_>, _>>()?;
+            let each = record.required("each")?.i64_in(1..=1000, "trials")? as u32;
+            let fit = record.optional("fit").map_or(Ok(FitSettings::default()), settings)?;
+            record.finish()?;
+            if levels.len() < 2 {
+                return Err(listed.error("a function needs two levels at least"));
+            }
+            Method::Constant { levels, each, fit }
+        }
+    };
+    record.finish()?;
+    Ok(Vary { stimulus: which, set, method, place: value.place() })
+}
+
+impl Stimulus {
+    /// Files and texts with the levels of a trial filled in. `level` gives the level of a factor.
+    pub fn filled(&self, level: &dyn Fn(&str) -> Option<String>) -> StimulusKind {
+        let fill = |value: &Value| filled(value, level);
+        match &self.kind {
+            StimulusKind::Graph { file, set } => StimulusKind::Graph {
+                file: fill(file),
+                set: set.iter().map(|(key, value)| (key.clone(), fill(value))).collect(),
+            },
+            StimulusKind::Clip { file } => StimulusKind::Clip { file: fill(file) },
+            StimulusKind::Real { mount } => StimulusKind::Real { mount: fill(mount) },
+            StimulusKind::Silence => StimulusKind::Silence,
+        }
+    }
+}
+
+impl StimulusKind {
+    /// Path of its file, if it has one.
+    pub fn file(&self) -> Option<PathBuf> {
+        match self {
+            Self::Graph { file, .. } | Self::Clip { file } => file.path().ok(),
+            _ => None,
+        }
+    }
+}
+
+/// A value with each `{factor}` replaced.
+fn filled(value: &Value, level: &dyn Fn(&str) -> Option<String>) -> Value {
+    let kind = match value.kind() {
+        Kind::Text(text) => {
+            let mut out = String::new();
+            let mut rest = text.as_str();
+            while let Some((before, name, after)) = rest
+                .split_once('{')
+                .and_then(|(before, rest)| rest.split_once('}').map(|(name, after)| (before, name, after)))
+            {
+                out += before;
+                match level(name) {
+                    Some(level) => out += &level,
+                    None => out += &format!("{{{name}}}"),
+                }
+                rest = after;
+            }
+            Kind::Text(out + rest)
+        }
+        Kind::List(items) => Kind::List(items.iter().map(|item| filled(item, level)).collect()),
+        other => other.clone(),
+    };
+    Value::made(kind, &value.place())
+}

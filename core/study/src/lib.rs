@@ -1,0 +1,29 @@
+//! Studies with people.
+//!
+//! - [`Experiment`]: the file that declares stimuli, parts, questions and tests.
+//! - [`Trial`]: a planned trial. A participant's plan follows from file, seed and number alone.
+//! - [`Progress`]: a participant's way through the plan, also of adaptive methods.
+//! - [`log`]: events on disk, one line of JSON each.
+//! - [`Person`]: a simulated participant.
+//! - [`Table`]: answers in long form.
+
+mod file;
+pub mod log;
+mod person;
+mod plan;
+mod progress;
+mod question;
+mod table;
+mod test;
+#[cfg(test)]
+mod testing;
+
+pub use file::{
+    Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,
+};
+pub use person::Person;
+pub use plan::Trial;
+pub use progress::{Progress, Step, Track};
+pub use question::{Answer, Question, QuestionKind};
+pub use table::{Row, Session, Table};
+pub use test::{Test, TestKind};

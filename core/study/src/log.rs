@@ -1,0 +1,203 @@
+//! The log of a participant: one line of JSON an event, only appended to.
+
+use std::fs::{File, OpenOptions};
+use std::io::{self, Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+
+use asperity_diagnostics::Diagnostic;
+use serde::{Deserialize, Serialize};
+
+use crate::Answer;
+
+/// Something that happened, in the order of time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// A session begins, or goes on.
+    Begin {
+        /// Title of the study.
+        study: String,
+        /// Code of the participant.
+        participant: String,
+        /// Number of the participant, from 1.
+        number: u32,
+        /// Version of the program.
+        version: String,
+        /// Path and hash of each file that trials depend on, the experiment first.
+        files: Vec<(String, String)>,
+        /// Time of day, UTC, as in RFC 3339.
+        at: String,
+    },
+    /// A trial is shown.
+    Shown {
+        /// Its number in the participant's plan, from 0.
+        trial: usize,
+        /// Times that it was shown before.
+        attempt: u32,
+        /// Level of its varied parameter.
+        level: Option<f64>,
+    },
+    /// A stimulus begins or ends, in samples and ticks of the sound card's clock.
+    Stimulus {
+        /// Number of the trial.
+        trial: usize,
+        /// Whether it begins.
+        begins: bool,
+        /// First tick that plays it, or the first that does not.
+        tick: u64,
+        /// Sample of that tick.
+        sample: u64,
+    },
+    /// Inputs of ticks: what a replay needs.
+    Inputs {
+        /// First tick.
+        tick: u64,
+        /// Values of each input, by node: little-endian f32 in base64, one row a tick.
+        values: Vec<(String, String)>,
+    },
+    /// A parameter changes.
+    Parameter {
+        /// First tick with the value.
+        tick: u64,
+        /// Setting, `node.parameter`.
+        name: String,
+        /// Its value in RON.
+        value: String,
+    },
+    /// All questions of a trial are answered.
+    Answered {
+        /// Number of the trial.
+        trial: usize,
+        /// Answer to each question, by name.
+        answers: Vec<(String, Answer)>,
+        /// Time from the trial's begin to the last answer, in s.
+        seconds: f64,
+    },
+    /// A trial does not count, and why.
+    Marked {
+        /// Number of the trial.
+        trial: usize,
+        /// Reason for people.
+        why: String,
+    },
+    /// Answers to the survey.
+    Survey {
+        /// Answer to each question, by name.
+        answers: Vec<(String, Answer)>,
+    },
+    /// A remark of the experimenter.
+    Note {
+        /// The text.
+        text: String,
+        /// Number of the trial, if one is under way.
+        trial: Option<usize>,
+    },
+    /// The last trial and the survey are answered.
+    End,
+}
+
+/// Appends events to a file. Each is on disk before [`append`](Self::append) returns.
+#[derive(Debug)]
+pub struct Log(File);
+
+impl Log {
+    /// Opens a log to append to it, or makes one. A torn last line, which a power cut leaves, is cut off.
+    /// Returns the events so far.
+    ///
+    /// # Errors
+    /// A file that cannot be opened; a whole line that is no event, with its number.
+    pub fn open(path: &Path) -> Result<(Self, Vec<Event>), Diagnostic> {
+        let cannot = |e: io::Error| Diagnostic::new(format!("cannot write the log: {e}")).in_file(path);
+        let mut file = OpenOptions::new()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)
+            .map_err(cannot)?;
+        let text = io::read_to_string(&file).map_err(cannot)?;
+        let whole = text.rfind('\n').map_or(0, |at| at + 1);
+        let events = parse(&text[..whole]).map_err(|e| e.in_file(path))?;
+        file.set_len(whole as u64).map_err(cannot)?;
+        file.seek(SeekFrom::End(0)).map_err(cannot)?;
+        file.sync_all().map_err(cannot)?;
+        Ok((Self(file), events))
+    }
+
+    /// Appends an event and waits until it is on disk.
+    ///
+    /// # Errors
+    /// A full disk and other reasons of the system. The line is cut off again then, if the system lets it.
+    pub fn append(&mut self, event: &Event) -> io::Result<()> {
+        let mut line = serde_json::to_string(event)?;
+        line.push('\n');
+        let end = self.0.stream_position()?;
+        let written = self.0.write_all(line.as_bytes()).and_then(|()| self.0.sync_data());
+        if written.is_err() {
+            self.0.set_len(end)?;
+            self.0.seek(SeekFrom::Start(end))?;
+        }
+        written
+    }
+}
+
+/// Reads a log that another program may still write. A torn last line is left out.
+///
+/// # Errors
+/// A file that cannot be read; a whole line that is no event, with its number.
+pub fn read(path: &Path) -> Result<Vec<Event>, Diagnostic> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| Diagnostic::new(format!("cannot read the log: {e}")).in_file(path))?;
+    let whole = text.rfind('\n').map_or(0, |at| at + 1);
+    parse(&text[..whole]).map_err(|e| e.in_file(path))
+}
+
+fn parse(text: &str) -> Result<Vec<Event>, Diagnostic> {
+    let event = |(i, line): (usize, &str)| {
+        serde_json::from_str(line).map_err(|e| Diagnostic::new(format!("line {} is no event: {e}", i + 1)))
+    };
+    text.lines().enumerate().map(event).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answered(trial: usize) -> Event {
+        Event::Answered { trial, answers: vec![("rough".into(), Answer::Number(4))], seconds: 2.5 }
+    }
+
+    #[test]
+    fn log_cut_at_any_byte_keeps_every_whole_event() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("log.jsonl");
+        let (mut log, none) = Log::open(&path).unwrap();
+        assert!(none.is_empty());
+        let events: Vec<Event> = (0..5).map(answered).collect();
+        let mut ends = vec![0];
+        for event in &events {
+            log.append(event).unwrap();
+            ends.push(std::fs::metadata(&path).unwrap().len());
+        }
+        let bytes = std::fs::read(&path).unwrap();
+        for cut in 0..=bytes.len() {
+            std::fs::write(&path, &bytes[..cut]).unwrap();
+            let whole = ends.iter().filter(|end| **end <= cut as u64).count() - 1;
+            assert_eq!(read(&path).unwrap(), events[..whole], "cut at {cut}");
+            // It goes on behind the last whole line.
+            let (mut log, found) = Log::open(&path).unwrap();
+            assert_eq!(found, events[..whole]);
+            log.append(&Event::End).unwrap();
+            assert_eq!(read(&path).unwrap().len(), whole + 1);
+        }
+    }
+
+    #[test]
+    fn line_that_is_no_event_is_named() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("log.jsonl");
+        std::fs::write(&path, "{\"event\":\"end\"}\n{\"event\":\"party\"}\n{\"event\":\"end\"}\n").unwrap();
+        let told = read(&path).unwrap_err().to_string();
+        assert!(told.contains("line 2 is no event"), "{told}");
+    }
+}
