@@ -63,7 +63,8 @@ pub fn describe(x: &[f64]) -> Result<Description, Error> {
 /// D'Agostino's test of the null hypothesis that a normal population gave the sample (D'Agostino 1970).
 ///
 /// It needs at least eight finite observations that are not all equal. [`Alternative::Greater`] means a
-/// longer right tail. A skewness of exactly 0 gives Z = 0 and, two-sided, p = 1. SciPy takes another value there.
+/// longer right tail. A skewness of exactly 0 gives Z = 0 and, two-sided, p = 1.
+/// SciPy takes another value there.
 pub fn skewness_test(x: &[f64], alternative: Alternative) -> Result<Outcome, Error> {
     let (x, excluded) = finite(x);
     if x.len() < 8 {
