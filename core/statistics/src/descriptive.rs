@@ -62,8 +62,9 @@ pub fn describe(x: &[f64]) -> Result<Description, Error> {
 
 /// D'Agostino's test of the null hypothesis that a normal population gave the sample (D'Agostino 1970).
 ///
-/// It needs at least eight finite observations that are not all equal. [`Alternative::Greater`] means a longer
-/// right tail. A skewness of exactly 0 gives Z = 0 and, two-sided, p = 1. SciPy takes another value there.
+/// It needs at least eight finite observations that are not all equal. [`Alternative::Greater`] means a
+/// longer right tail. A skewness of exactly 0 gives Z = 0 and, two-sided, p = 1.
+/// SciPy takes another value there.
 pub fn skewness_test(x: &[f64], alternative: Alternative) -> Result<Outcome, Error> {
     let (x, excluded) = finite(x);
     if x.len() < 8 {
@@ -86,10 +87,6 @@ pub fn skewness_test(x: &[f64], alternative: Alternative) -> Result<Outcome, Err
         / ((n - 2.0) * (n + 5.0) * (n + 7.0) * (n + 9.0));
     let w = (2.0 * (kurtosis - 1.0)).sqrt() - 1.0;
     let z = (y * ((w - 1.0) / 2.0).sqrt()).asinh() / (0.5 * w.ln()).sqrt();
-    let p = match alternative {
-        Alternative::TwoSided => 2.0 * normal_tail(z.abs()),
-        Alternative::Greater => normal_tail(z),
-        Alternative::Less => normal_tail(-z),
-    };
+    let p = alternative.p(normal_tail(-z), normal_tail(z));
     Ok(Outcome { n: x.len(), excluded, statistic: z, p, variant: Variant::Skewness(alternative) })
 }

@@ -37,6 +37,17 @@ pub enum Alternative {
     Less,
 }
 
+impl Alternative {
+    /// p-value from the probabilities of a statistic at most, and at least, as large as the observed one.
+    fn p(self, at_most: f64, at_least: f64) -> f64 {
+        match self {
+            Self::TwoSided => (2.0 * at_most.min(at_least)).min(1.0),
+            Self::Greater => at_least.min(1.0),
+            Self::Less => at_most.min(1.0),
+        }
+    }
+}
+
 impl fmt::Display for Alternative {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(match self {

@@ -16,8 +16,8 @@ pub enum Estimator {
     MaximumLikelihood,
     /// Maximum likelihood after half a win is added for both items of every pair.
     ///
-    /// It is finite for all designs and pulls the abilities together. The log of odds (w + 1/2) / (l + 1/2)
-    /// is Haldane's, and for two items Firth's (1993) as well. Its intervals hold only approximately.
+    /// It is finite for all designs and pulls the abilities together. Its intervals hold only approximately.
+    /// For two items it is the estimate of Haldane (1956) and Firth (1993).
     Penalised,
 }
 
@@ -190,9 +190,11 @@ fn derivatives(wins: &[Vec<f64>], abilities: &[f64]) -> Option<(Vec<f64>, Vec<Ve
     let mut information = vec![vec![0.0; items]; items];
     for i in 0..items {
         for j in (0..items).filter(|&j| j != i) {
-            let p = 1.0 / (1.0 + (abilities[j] - abilities[i]).exp());
-            let weight = (wins[i][j] + wins[j][i]) * p * (1.0 - p);
-            slope[i] += wins[i][j] * (1.0 - p) - wins[j][i] * p;
+            // Both probabilities keep their digits near 0, so no 1 - p.
+            let d = abilities[i] - abilities[j];
+            let (win, loss) = (1.0 / (1.0 + (-d).exp()), 1.0 / (1.0 + d.exp()));
+            let weight = (wins[i][j] + wins[j][i]) * win * loss;
+            slope[i] += wins[i][j] * loss - wins[j][i] * win;
             information[i][i] += weight;
             information[i][j] -= weight;
         }

@@ -125,24 +125,17 @@ pub fn wilcoxon(
         return Err(Error::TooMany { n, most: MOST });
     }
 
-    let from_tails = |less: f64, greater: f64| match alternative {
-        Alternative::Less => less,
-        Alternative::Greater => greater,
-        Alternative::TwoSided => 2.0 * less.min(greater),
-    };
     let p = match method {
         Method::Exact => {
             let mass = sum_masses(1..=n);
-            from_tails(
-                mass[..=plus.ceil() as usize].iter().sum(),
-                mass[plus.floor() as usize..].iter().sum(),
-            )
+            alternative
+                .p(mass[..=plus.ceil() as usize].iter().sum(), mass[plus.floor() as usize..].iter().sum())
         }
         Method::ExactWithTies => {
             let moving = d.iter().zip(&ranks).filter(|(v, _)| **v != 0.0);
             let mass = sum_masses(moving.map(|(_, r)| (2.0 * r) as usize));
             let observed = (2.0 * positive) as usize;
-            from_tails(mass[..=observed].iter().sum(), mass[observed..].iter().sum())
+            alternative.p(mass[..=observed].iter().sum(), mass[observed..].iter().sum())
         }
         Method::Auto { corrected } | Method::Normal { corrected } => {
             let moving = d.iter().zip(&ranks).filter(|(v, _)| zeros == Zeros::Split || **v != 0.0);
@@ -162,7 +155,7 @@ pub fn wilcoxon(
         n,
         excluded: differences.len() - n,
         statistic: if alternative == Alternative::TwoSided { plus.min(minus) } else { plus },
-        p: p.min(1.0),
+        p,
         variant: Variant::SignedRank { alternative, zeros, method },
     })
 }

@@ -1,6 +1,7 @@
 """Writes the reference tables in tests/data: 1,000 random tables and smaller sets.
 
-Needs numpy, scipy, pandas, pingouin, statsmodels, matplotlib. Each file's header names versions and methods.
+Needs numpy, scipy, pandas, pingouin, statsmodels, matplotlib. Each file's header names versions and
+methods.
 Run: python reference.py
 """
 
@@ -59,7 +60,8 @@ def tables():
         side, zeros = SIDES[index % 3], ZEROS[index // 3 % 3]
 
         box = matplotlib.cbook.boxplot_stats(a)[0]
-        described = [box["mean"], a.std(ddof=1), box["med"], box["q1"], box["q3"], box["whislo"], box["whishi"]]
+        five = [box[key] for key in ["med", "q1", "q3", "whislo", "whishi"]]
+        described = [box["mean"], a.std(ddof=1), *five]
         skew = "" if n < 8 or stats.skew(a) == 0 else stats.skewtest(a, alternative=side)
 
         def wilcoxon(**options):
@@ -77,17 +79,20 @@ def tables():
         assert np.isfinite(described + p + friedman[:3]).all()
         rows.append([" | ".join(text(column) for column in x.T), side, zeros, described,
                      np.sort(box["fliers"]) if len(box["fliers"]) else "", skew,
-                     wilcoxon(method="exact").statistic, p, enumerated, [pair["CLES"], pair["RBC"]], friedman])
+                     wilcoxon(method="exact").statistic, p, enumerated, [pair["CLES"], pair["RBC"]],
+                     friedman])
     method = [
-        "columns: conditions, divided by |. Wilcoxon, effects: first less second. describe, skew: the first.",
-        "describe, outliers: matplotlib.cbook.boxplot_stats, numpy.std(ddof=1). skew: scipy skewtest; blank if "
-        "n < 8 or the skewness is exactly 0",
-        'wilcoxon: scipy method="exact"; "asymptotic" without and with correction; "auto" with correction',
-        "enumerated: scipy PermutationMethod(n_resamples=inf), n <= 12. effects: CLES, RBC of pingouin.wilcoxon",
-        'friedman: chi-square, p of scipy friedmanchisquare; W, F, ddof1, ddof2, p of pingouin.friedman(method="f")',
+        "columns: conditions, divided by |. describe, skew: of the first. Others: first against second.",
+        "describe: matplotlib.cbook.boxplot_stats and numpy.std(ddof=1).",
+        "skew: scipy skewtest. Blank if n < 8 or the skewness is exactly 0.",
+        'wilcoxon: scipy, method="exact"; "asymptotic" without and with correction; "auto" with correction.',
+        "enumerated: scipy wilcoxon, PermutationMethod(n_resamples=inf), if n <= 12.",
+        "effects: CLES and RBC of pingouin.wilcoxon, two-sided.",
+        "friedman: chi-square and p of scipy friedmanchisquare.",
+        'friedman, then: W, F, ddof1, ddof2 and p of pingouin.friedman(method="f").',
     ]
-    header = ["columns", "side", "zeros", "describe", "outliers", "skew", "statistic", "wilcoxon", "enumerated",
-              "effects", "friedman"]
+    header = ["columns", "side", "zeros", "describe", "outliers", "skew", "statistic", "wilcoxon",
+              "enumerated", "effects", "friedman"]
     write("tables.csv", method, header, rows)
 
 
@@ -102,7 +107,8 @@ def proportions():
         both = stats.binomtest(k, n)
         ci = both.proportion_ci(confidence_level=confidence, method="wilson")
         rows.append([k, n, p0, side, test.pvalue, confidence, [ci.low, ci.high]])
-    write("proportions.csv", ['scipy.stats.binomtest; wilson: proportion_ci(method="wilson") of the two-sided test'],
+    write("proportions.csv",
+          ['p: scipy.stats.binomtest. wilson: its proportion_ci(method="wilson"), two-sided.'],
           ["k", "n", "p0", "side", "p", "confidence", "wilson"], rows)
 
 
@@ -119,7 +125,8 @@ def corrections():
         check = sm.stats.multipletests(p[known], method="holm")[1]
         assert np.allclose(holm[known], check, rtol=1e-12, atol=0)
         rows.append([p, bonferroni, holm])
-    write("corrections.csv", ['pingouin.multicomp methods "bonf" and "holm"; Holm equals statsmodels multipletests'],
+    write("corrections.csv",
+          ['pingouin.multicomp, methods "bonf" and "holm". statsmodels gives the same for holm.'],
           ["p", "bonferroni", "holm"], rows)
 
 
@@ -129,7 +136,8 @@ def bradley_terry(wins):
     pairs = [(i, j) for i in range(k) for j in range(i) if wins[i, j] + wins[j, i] > 0]
     design = np.array([np.eye(k)[i] - np.eye(k)[j] for i, j in pairs])
     counts = np.array([[wins[i, j], wins[j, i]] for i, j in pairs])
-    fit = sm.GLM(counts, design[:, 1:], family=sm.families.Binomial()).fit(tol=1e-12, tol_criterion="params", maxiter=200)
+    model = sm.GLM(counts, design[:, 1:], family=sm.families.Binomial())
+    fit = model.fit(tol=1e-12, tol_criterion="params", maxiter=200)
     # Item 0 is the zero of the regression. This matrix moves the zero to the mean.
     center = (np.eye(k) - 1 / k)[:, 1:]
     abilities, covariance = center @ fit.params, center @ fit.cov_params() @ center.T
@@ -150,7 +158,8 @@ def bradley_terry(wins):
                                options={"gtol": 1e-11})
     newton.x -= np.linalg.solve(curvature(newton.x), slope(newton.x))
     assert np.allclose(center @ newton.x, abilities, rtol=0, atol=1e-9)
-    assert np.allclose(center @ np.linalg.inv(curvature(newton.x)) @ center.T, covariance, rtol=1e-8, atol=1e-10)
+    inverse = center @ np.linalg.inv(curvature(newton.x)) @ center.T
+    assert np.allclose(inverse, covariance, rtol=1e-8, atol=1e-10)
     if np.all(counts == np.round(counts)):
         single = np.repeat(np.concatenate([design, design])[:, 1:], counts.T.ravel().astype(int), axis=0)
         won = np.repeat([1, 0], counts.sum(axis=0).astype(int))
@@ -177,12 +186,16 @@ def preferences():
         strong = np.linalg.matrix_power(np.eye(k) + (wins > 0), k) > 0
         if not strong.all():
             continue
+        abilities, covariance, ratio = bradley_terry(wins)
         penalised = bradley_terry(wins + 0.5 * (1 - np.eye(k)))
-        rows.append([k, wins.ravel(), *(np.ravel(v) for v in bradley_terry(wins)), penalised[0], penalised[1].ravel()])
+        rows.append([k, wins.ravel(), abilities, covariance.ravel(), ratio, penalised[0],
+                     penalised[1].ravel()])
     write("preferences.csv",
-          ["statsmodels GLM(Binomial), no intercept, one row a pair; checked here with scipy trust-exact Newton and, "
-           "for whole counts, statsmodels Logit", "ratio: likelihood ratio, p of chi-square(k - 1). penalised: "
-           "the same after half a win is added to all cells off the diagonal"],
+          ["statsmodels GLM(Binomial), no intercept, one row a pair.",
+           "reference.py finds the same with scipy's trust-exact Newton method and, for whole counts, "
+           "with statsmodels Logit.",
+           "ratio: likelihood ratio, and p of chi-square(k - 1).",
+           "penalised: the same after half a win is added to all cells off the diagonal."],
           ["k", "wins", "abilities", "covariance", "ratio", "penalised", "penalised_covariance"], rows)
 
 
