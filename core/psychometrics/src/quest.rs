@@ -327,13 +327,13 @@ mod tests {
     use super::*;
 
     const GOOD: &str = "(
-        shape: Weibull,
-        axis: Linear,
-        levels: Logarithmic(from: 0.1, to: 10, count: 9),
-        threshold: Linear(from: 1, to: 5, count: 5),
-        slope: Values([1, 3]),
-        guess: Values([0.5]),
-        lapse: Values([0, 0.04]),
+        shape: weibull,
+        axis: linear,
+        levels: logarithmic(from: 0.1, to: 10, count: 9),
+        threshold: linear(from: 1, to: 5, count: 5),
+        slope: values([1, 3]),
+        guess: values([0.5]),
+        lapse: values([0, 0.04]),
         trials: 20,
     )";
 

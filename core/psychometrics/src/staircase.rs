@@ -106,7 +106,7 @@ impl StaircaseSettings {
             Steps::Multiply(sizes) => (sizes, 1.0),
         };
         let fit = |s: &f64| *s > least && s.is_finite();
-        require(!sizes.is_empty(), "steps", "empty", "for instance Add([8, 4, 2])")?;
+        require(!sizes.is_empty(), "steps", "empty", "for instance add([8, 4, 2])")?;
         let bad = sizes.iter().find(|s| !fit(s)).copied().unwrap_or(least + 1.0);
         require(
             fit(&bad),
@@ -345,15 +345,15 @@ mod tests {
     #[test]
     fn settings_are_read_from_ron_and_checked() {
         let read = |text: &str| ron::from_str::<StaircaseSettings>(text).map_err(|e| e.to_string());
-        let good = "(start: -8, floor: -60, ceiling: 0, steps: Add([4, 2, 1]), down: 2, trials: 100)";
+        let good = "(start: -8, floor: -60, ceiling: 0, steps: add([4, 2, 1]), down: 2, trials: 100)";
         let read_good = read(good).unwrap();
         assert_eq!((read_good.up, read_good.average, read_good.check()), (1, 10, Ok(())));
         assert!(read(&good.replace("down", "dwon")).unwrap_err().contains("dwon"));
         for (from, to, error) in [
             ("start: -8", "start: 8", "`start` is 8: use a number from -60 to 0"),
             ("4, 2, 1", "4, -2, 1", "`steps` is -2: use finite numbers above 0, for instance 1"),
-            ("4, 2, 1", "", "`steps` is empty: use for instance Add([8, 4, 2])"),
-            ("Add", "Multiply", "`steps` is 1: use finite numbers above 1, for instance 2"),
+            ("4, 2, 1", "", "`steps` is empty: use for instance add([8, 4, 2])"),
+            ("add", "multiply", "`steps` is 1: use finite numbers above 1, for instance 2"),
             ("ceiling: 0", "ceiling: NaN", "`ceiling` is NaN: use more than -60"),
             ("down: 2", "down: 0", "`down` is 0: use 1 to 1000, for instance 1"),
             ("trials: 100", "trials: 0", "`trials` is 0: use 1 or more, for instance 100"),

@@ -14,8 +14,8 @@ use crate::test::{self, Test};
 
 /// First word of the file.
 const WORD: &str = "Experiment";
-/// Most trials of a participant.
-pub(crate) const MOST_TRIALS: usize = 10_000;
+/// Most trials of a part.
+const MOST_TRIALS: u64 = 10_000;
 
 /// An experiment file: what people feel, what they are asked, and how the answers are tested.
 ///
@@ -372,7 +372,9 @@ pub(crate) fn settings<T: serde::de::DeserializeOwned>(value: &Value) -> Result<
     // Without the variant's name, which says only which settings they are.
     let text = &value.source().text()[start..end];
     let inner = text.find('(').unwrap_or(0);
-    ::ron::from_str(&text[inner..]).map_err(|e| {
+    let options =
+        ::ron::Options::default().with_default_extension(::ron::extensions::Extensions::IMPLICIT_SOME);
+    options.from_str(&text[inner..]).map_err(|e| {
         let line = text[inner..].split_inclusive('\n').take(e.span.start.line.saturating_sub(1));
         let at = line.map(str::len).sum::<usize>();
         let rest = &text[inner + at..];
@@ -573,6 +575,12 @@ fn part(value: &Value, named: Named<'_>) -> Result<Part, Diagnostic> {
         tests: Vec::new(),
         place: value.place(),
     };
+    let conditions =
+        it.over.iter().map(|(_, levels)| levels.len() as u64).product::<u64>() * it.show.len() as u64;
+    let trials = conditions.saturating_mul(u64::from(it.count_of_each()));
+    if trials > MOST_TRIALS {
+        return Err(value.error(format!("{trials} trials in a part")).help(format!("at most {MOST_TRIALS}")));
+    }
     question::distinct(&it.ask)?;
     question::fit_shown(&it, shown)?;
     if let Some(vary) = &it.vary {

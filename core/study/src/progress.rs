@@ -175,7 +175,7 @@ impl<'e> Progress<'e> {
 }
 
 /// Whether the answers of a trial name the varied stimulus, or a difference. `None` without one.
-pub fn hit(experiment: &Experiment, part: &Part, answers: &[(String, Answer)]) -> Option<bool> {
+pub(crate) fn hit(experiment: &Experiment, part: &Part, answers: &[(String, Answer)]) -> Option<bool> {
     let (judging, vary) = (part.judging()?, part.vary.as_ref()?);
     let (_, answer) = answers.iter().find(|(name, _)| *name == judging.name)?;
     Part::is_hit(answer, &experiment.stimuli[vary.stimulus].name)
