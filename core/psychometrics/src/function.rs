@@ -33,7 +33,7 @@ pub enum Axis {
 
 /// A psychometric function: p(level) = guess + (1 - guess - lapse) F(level).
 ///
-/// Any field may hold any number: then results may be NaN. [`check`](Self::check) tells.
+/// A field that does not fit may make results NaN. [`check`](Self::check) names it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Function {
@@ -226,12 +226,13 @@ mod tests {
     proptest! {
         #[test]
         fn level_at_inverts_probability(
-            shape in 0..3_usize, axis in 0..3_usize, t in 0.1..5.0, s in 0.5..5.0, g in 0.0..0.5, f in 0.01..0.99
+            shape in 0..3_usize, axis in 0..3_usize, threshold in 0.1..5.0, slope in 0.5..5.0,
+            guess in 0.0..0.5, f in 0.01..0.99
         ) {
             let shape = [Shape::Weibull, Shape::Logistic, Shape::Gaussian][shape];
             let axis = [Axis::Linear, Axis::Log10, Axis::Decibel][axis];
-            let function = Function { shape, axis, threshold: t, slope: s, guess: g, lapse: 0.02 };
-            let p = g + (0.98 - g) * f;
+            let function = Function { shape, axis, threshold, slope, guess, lapse: 0.02 };
+            let p = guess + (0.98 - guess) * f;
             let level = function.level_at(p).unwrap();
             prop_assert!((function.probability(level) - p).abs() < 1e-12);
         }

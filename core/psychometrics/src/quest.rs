@@ -138,10 +138,16 @@ impl Grid {
     }
 }
 
+impl QuestSettings {
+    fn function(&self, [threshold, slope, guess, lapse]: [f64; 4]) -> Function {
+        Function { shape: self.shape, axis: self.axis, threshold, slope, guess, lapse }
+    }
+}
+
 impl Quest {
     /// Starts the method. An error names a setting that does not fit, and a value that does.
     pub fn new(settings: QuestSettings) -> Result<Self, String> {
-        let QuestSettings { shape, axis, trials, threshold_sd, .. } = settings;
+        let QuestSettings { trials, threshold_sd, .. } = settings;
         require(trials > 0, "trials", trials, "1 or more, for instance 100")?;
         let sd = threshold_sd.unwrap_or(1.0);
         require(sd > 0.0, "threshold_sd", sd, "a number above 0, or None")?;
@@ -162,17 +168,11 @@ impl Quest {
                 }
             }
         }
-        let of = |[threshold, slope, guess, lapse]: [f64; 4]| Function {
-            shape,
-            axis,
-            threshold,
-            slope,
-            guess,
-            lapse,
-        };
-        cells.iter().try_for_each(|cell| of(*cell).check())?;
-        let both = |level| cells.iter().map(move |cell| of(*cell).probabilities(level));
-        let all: Vec<[f64; 2]> = levels.iter().flat_map(|level| both(*level)).collect();
+        cells.iter().try_for_each(|cell| settings.function(*cell).check())?;
+        let mut all: Vec<[f64; 2]> = Vec::with_capacity(entries);
+        for level in &levels {
+            all.extend(cells.iter().map(|cell| settings.function(*cell).probabilities(*level)));
+        }
         let mut quest = Self {
             correct: all.iter().map(|p| p[0]).collect(),
             entropy: all.iter().map(|p| p.iter().map(|p| surprise(*p)).sum()).collect(),
@@ -208,8 +208,7 @@ impl Quest {
 
     /// Probability of a correct answer in the next trial, over all combinations; None after the last.
     pub fn chance(&self) -> Option<f64> {
-        let likelihood = &self.correct[self.next * self.cells.len()..];
-        self.next_level().map(|_| dot(&self.posterior, likelihood))
+        self.next_level().map(|_| dot(&self.posterior, self.likelihood()))
     }
 
     /// Takes the answer of a trial at [`next_level`](Self::next_level). Ignored after the last trial.
@@ -220,8 +219,7 @@ impl Quest {
             return;
         }
         self.answers.push(correct);
-        let likelihood = &self.correct[self.next * self.cells.len()..];
-        let likelihood = likelihood.iter().map(|p| if correct { *p } else { 1.0 - p });
+        let likelihood = self.likelihood().iter().map(|p| if correct { *p } else { 1.0 - p });
         let mut posterior: Vec<f64> = self.posterior.iter().zip(likelihood).map(|(w, l)| w * l).collect();
         let sum: f64 = posterior.iter().sum();
         if sum > 0.0 {
@@ -229,6 +227,12 @@ impl Quest {
             self.posterior = posterior;
         }
         self.next = self.best();
+    }
+
+    /// Probabilities of a correct answer at the next level.
+    fn likelihood(&self) -> &[f64] {
+        let n = self.cells.len();
+        &self.correct[self.next * n..][..n]
     }
 
     /// Settings.
@@ -254,15 +258,8 @@ impl Quest {
         let w = &self.posterior;
         let mode = (0..w.len()).fold(0, |best, i| if w[i] > w[best] { i } else { best });
         let [threshold, slope, guess, lapse] = [0, 1, 2, 3].map(|i| self.marginal(i, mode));
-        let QuestSettings { shape, axis, .. } = self.settings;
-        let function = Function {
-            shape,
-            axis,
-            threshold: threshold.mean,
-            slope: slope.mean,
-            guess: guess.mean,
-            lapse: lapse.mean,
-        };
+        let means = [threshold, slope, guess, lapse].map(|marginal| marginal.mean);
+        let function = self.settings.function(means);
         let entropy = w.iter().map(|w| surprise(*w)).sum();
         Posterior { threshold, slope, guess, lapse, function, entropy }
     }
@@ -275,13 +272,13 @@ fn surprise(p: f64) -> f64 {
 
 /// Sum of products, in four sums that the CPU can form at once.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
     let mut sums = [0.0; 4];
-    for (a, b) in a.chunks(4).zip(b.chunks(4)) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
+    for (a, b) in a.zip(b) {
+        (0..4).for_each(|i| sums[i] += a[i] * b[i]);
     }
-    sums.iter().sum()
+    rest + sums.iter().sum::<f64>()
 }
 
 impl From<Quest> for Log<QuestSettings> {
@@ -345,13 +342,13 @@ mod tests {
 
     #[test]
     fn impossible_answer_leaves_the_posterior() {
-        let text = GOOD
-            .replace("[0.5]", "[0]")
-            .replace("from: 0.1, to: 10, count: 9", "from: 1e-300, to: 1e-290, count: 2");
-        let mut quest = Quest::new(settings(&text)).unwrap();
+        let only = |value: f64| Grid::Values(vec![value]);
+        let [levels, guess, lapse] = [only(0.0), only(0.0), only(0.0)];
+        let mut quest = Quest::new(QuestSettings { levels, guess, lapse, ..settings(GOOD) }).unwrap();
         let before = quest.posterior();
-        (0..3).for_each(|_| quest.answer(true));
-        assert!(quest.posterior().function.check().is_ok() && before.entropy > 0.0);
+        assert_eq!(quest.chance(), Some(0.0));
+        quest.answer(true);
+        assert_eq!((quest.posterior(), quest.answers()), (before, &[true][..]));
     }
 
     #[test]
