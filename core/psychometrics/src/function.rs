@@ -132,7 +132,12 @@ impl Function {
         require(positive, "threshold", threshold, "a number above 0, for instance 1, or a logarithmic axis")?;
         require(slope > 0.0 && slope.is_finite(), "slope", slope, "a number above 0, for instance 3.5")?;
         require((0.0..1.0).contains(&guess), "guess", guess, "0 or more and less than 1, for instance 0.5")?;
-        require(lapse >= 0.0 && guess + lapse < 1.0, "lapse", lapse, "0 or more, for instance 0.02")
+        require(
+            lapse >= 0.0 && guess + lapse < 1.0,
+            "lapse",
+            lapse,
+            "0 or more and less than 1 - `guess`, as 0.02",
+        )
     }
 
     /// Probability of a correct answer at a level, 0 to 1.
@@ -187,7 +192,9 @@ mod tests {
     };
 
     #[test]
-    fn gaussian_jnd_is_0_6745_standard_deviations() {
+    fn jnd_is_0_6745_deviations_or_log_3_over_slope() {
+        let logistic = Function { shape: Shape::Logistic, ..YES_NO };
+        assert!((logistic.jnd() - 3.0_f64.ln() / 0.5).abs() < 1e-12, "{}", logistic.jnd());
         assert!((YES_NO.pse() - 2.0).abs() < 1e-12, "{}", YES_NO.pse());
         assert!((YES_NO.jnd() - 0.674_489_750_196_081_7 * 2.0).abs() < 1e-12, "{}", YES_NO.jnd());
     }

@@ -119,22 +119,20 @@ impl Grid {
                 require(!values.is_empty(), field, "empty", "for instance Values([0.02])")?;
                 return Ok(values.clone());
             }
-            Self::Linear { from, to, count } => (*from, *to, *count),
-            Self::Logarithmic { from, to, count } => {
-                require(*from > 0.0, &format!("{field}.from"), from, "a number above 0, for instance 1")?;
-                (from.log_e(), to.log_e(), *count)
-            }
+            Self::Linear { from, to, count } | Self::Logarithmic { from, to, count } => (*from, *to, *count),
         };
-        require(from.is_finite(), &format!("{field}.from"), from, "a finite number")?;
-        require(to > from && to.is_finite(), &format!("{field}.to"), to, "a finite number above `from`")?;
-        let many = (2..=10_000).contains(&count);
-        require(many, &format!("{field}.count"), count, "2 to 10000, for instance 40")?;
+        let ratios = matches!(self, Self::Logarithmic { .. });
+        let good = from.is_finite() && (from > 0.0 || !ratios);
+        let fitting = if ratios { "a number above 0, for instance 1" } else { "a finite number" };
+        require(good, &format!("{field}.from"), from, fitting)?;
+        let good = to > from && (to - from).is_finite();
+        require(good, &format!("{field}.to"), to, &format!("a finite number above {from}"))?;
+        let good = (2..=10_000).contains(&count);
+        require(good, &format!("{field}.count"), count, "2 to 10000, for instance 40")?;
+        let (from, to) = if ratios { (from.log_e(), to.log_e()) } else { (from, to) };
         let step = (to - from) / f64::from(count - 1);
         let even = (0..count).map(|i| from + step * f64::from(i));
-        Ok(match self {
-            Self::Logarithmic { .. } => even.map(Elementary::exp_e).collect(),
-            _ => even.collect(),
-        })
+        Ok(if ratios { even.map(Elementary::exp_e).collect() } else { even.collect() })
     }
 }
 
@@ -156,11 +154,12 @@ impl Quest {
         let slopes = settings.slope.values("slope")?;
         let guesses = settings.guess.values("guess")?;
         let lapses = settings.lapse.values("lapse")?;
-        let sizes = [&levels, &thresholds, &slopes, &guesses, &lapses].map(Vec::len);
-        let entries = sizes.iter().fold(1_usize, |n, size| n.saturating_mul(*size));
-        let fewer = format!("fewer, so that the numbers of values of all grids multiply to {MOST} or less");
-        require(entries <= MOST, "levels", format!("one of {entries} combinations"), &fewer)?;
-        let mut cells = Vec::with_capacity(entries / levels.len());
+        let sizes = [&thresholds, &slopes, &guesses, &lapses].map(Vec::len);
+        let n = sizes.iter().fold(1_usize, |n, size| n.saturating_mul(*size));
+        let entries = n.saturating_mul(levels.len());
+        let many = format!("{} values for each of {n} combinations of the other grids", levels.len());
+        require(entries <= MOST, "levels", many, &format!("grids whose sizes multiply to {MOST} or less"))?;
+        let mut cells = Vec::with_capacity(n);
         for &t in &thresholds {
             for &s in &slopes {
                 for &g in &guesses {
@@ -356,15 +355,23 @@ mod tests {
         for (from, to, error) in [
             ("count: 9", "count: 1", "`levels.count` is 1: use 2 to 10000, for instance 40"),
             ("from: 0.1", "from: 0", "`levels.from` is 0: use a number above 0, for instance 1"),
-            ("to: 5", "to: 1", "`threshold.to` is 1: use a finite number above `from`"),
+            ("to: 5", "to: 1", "`threshold.to` is 1: use a finite number above 1"),
             ("[1, 3]", "[]", "`slope` is empty: use for instance Values([0.02])"),
             ("[1, 3]", "[1, -3]", "`slope` is -3: use a number above 0, for instance 3.5"),
-            ("[0, 0.04]", "[0.5]", "`lapse` is 0.5: use 0 or more, for instance 0.02"),
+            ("[0, 0.04]", "[0.5]", "`lapse` is 0.5: use 0 or more and less than 1 - `guess`, as 0.02"),
             ("trials: 20", "trials: 0", "`trials` is 0: use 1 or more, for instance 100"),
         ] {
             assert_eq!(Quest::new(settings(&GOOD.replace(from, to))).unwrap_err(), error);
         }
-        let huge = GOOD.replace("count: 9", "count: 10000").replace("count: 5", "count: 10000");
-        assert!(Quest::new(settings(&huge)).unwrap_err().starts_with("`levels` is one of 400000000"));
+        let huge = GOOD
+            .replace("count: 9", "count: 99")
+            .replace("count: 5", "count: 10000")
+            .replace("0.5", "0.1, 0.2, 0.3, 0.4, 0.5")
+            .replace("1, 3", "1, 2, 3, 4, 5");
+        assert!(
+            Quest::new(settings(&huge))
+                .unwrap_err()
+                .starts_with("`levels` is 99 values for each of 500000 comb")
+        );
     }
 }
