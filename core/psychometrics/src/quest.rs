@@ -14,7 +14,10 @@ const MOST: usize = 1 << 23;
 #[serde(rename_all = "snake_case")]
 pub enum Grid {
     /// Any finite values, one or more.
-    Values(Vec<f64>),
+    Values {
+        /// The values.
+        of: Vec<f64>,
+    },
     /// Values at equal distances.
     Linear {
         /// First value.
@@ -73,11 +76,11 @@ fn linear() -> Axis {
 }
 
 fn half() -> Grid {
-    Grid::Values(vec![0.5])
+    Grid::Values { of: vec![0.5] }
 }
 
 fn slips() -> Grid {
-    Grid::Values(vec![0.02])
+    Grid::Values { of: vec![0.02] }
 }
 
 /// Posterior distribution of one parameter.
@@ -134,10 +137,10 @@ impl Grid {
     /// An error names the field that does not fit, and a value that does.
     fn values(&self, field: &str) -> Result<Vec<f64>, String> {
         let (from, to, count) = match self {
-            Self::Values(values) => {
+            Self::Values { of: values } => {
                 let bad = values.iter().find(|v| !v.is_finite());
                 require(bad.is_none(), field, bad.unwrap_or(&0.0), "finite numbers")?;
-                require(!values.is_empty(), field, "empty", "for instance values([0.02])")?;
+                require(!values.is_empty(), field, "empty", "for instance values(of: [0.02])")?;
                 return Ok(values.clone());
             }
             Self::Linear { from, to, count } | Self::Logarithmic { from, to, count } => (*from, *to, *count),
@@ -158,6 +161,11 @@ impl Grid {
 }
 
 impl QuestSettings {
+    /// Levels that may be presented. An error names what does not fit.
+    pub fn levels(&self) -> Result<Vec<f64>, String> {
+        self.levels.values("levels")
+    }
+
     fn function(&self, [threshold, slope, guess, lapse]: [f64; 4]) -> Function {
         Function { shape: self.shape, axis: self.axis, threshold, slope, guess, lapse }
     }
@@ -327,9 +335,9 @@ mod tests {
         axis: linear,
         levels: logarithmic(from: 0.1, to: 10, count: 9),
         threshold: linear(from: 1, to: 5, count: 5),
-        slope: values([1, 3]),
-        guess: values([0.5]),
-        lapse: values([0, 0.04]),
+        slope: values(of: [1, 3]),
+        guess: values(of: [0.5]),
+        lapse: values(of: [0, 0.04]),
         trials: 20,
     )";
 
@@ -362,7 +370,7 @@ mod tests {
 
     #[test]
     fn impossible_answer_leaves_the_posterior() {
-        let only = |value: f64| Grid::Values(vec![value]);
+        let only = |value: f64| Grid::Values { of: vec![value] };
         let [levels, guess, lapse] = [only(0.0), only(0.0), only(0.0)];
         let mut quest = Quest::new(QuestSettings { levels, guess, lapse, ..settings(GOOD) }).unwrap();
         let before = quest.posterior();
@@ -377,7 +385,7 @@ mod tests {
             ("count: 9", "count: 1", "`levels.count` is 1: use 2 to 10000, for instance 40"),
             ("from: 0.1", "from: 0", "`levels.from` is 0: use a number above 0, for instance 1"),
             ("to: 5", "to: 1", "`threshold.to` is 1: use a finite number above 1"),
-            ("[1, 3]", "[]", "`slope` is empty: use for instance values([0.02])"),
+            ("[1, 3]", "[]", "`slope` is empty: use for instance values(of: [0.02])"),
             ("[1, 3]", "[1, -3]", "`slope` is -3: use a number above 0, for instance 3.5"),
             ("[0, 0.04]", "[0.5]", "`lapse` is 0.5: use 0 or more and less than 1 - `guess`, as 0.02"),
             ("trials: 20", "trials: 0", "`trials` is 0: use 1 or more, for instance 100"),

@@ -19,7 +19,7 @@ fn axis() -> impl Strategy<Value = Axis> {
 
 fn grid() -> impl Strategy<Value = Grid> {
     prop_oneof![
-        prop::collection::vec(number(), 0..4).prop_map(Grid::Values),
+        prop::collection::vec(number(), 0..4).prop_map(|of| Grid::Values { of }),
         (number(), number(), 0..6_u32).prop_map(|(from, to, count)| Grid::Linear { from, to, count }),
         (number(), number(), 0..6_u32).prop_map(|(from, to, count)| Grid::Logarithmic { from, to, count }),
     ]
@@ -47,7 +47,7 @@ proptest! {
         answers in prop::collection::vec(any::<bool>(), 0..60)
     ) {
         let [start, floor, ceiling, up_over_down] = n;
-        let steps = if ratios { Steps::Multiply(sizes) } else { Steps::Add(sizes) };
+        let steps = if ratios { Steps::Multiply { by: sizes } } else { Steps::Add { by: sizes } };
         let settings = StaircaseSettings {
             start, floor, ceiling, steps, down, up, up_over_down, trials: 50, reversals: None, average
         };

@@ -62,7 +62,7 @@ fn staircase(function: Function, down: u32, up: u32, steps: Steps, [floor, start
 
 /// The last step of 1 dB is a quarter of the rise from 25 to 75 % of F.
 fn decibels() -> (Steps, [f64; 3]) {
-    (Steps::Add(vec![4.0, 2.0, 1.0]), [-60.0, -8.0, 0.0])
+    (Steps::Add { by: vec![4.0, 2.0, 1.0] }, [-60.0, -8.0, 0.0])
 }
 
 #[test]
@@ -80,18 +80,18 @@ fn three_down_one_up_in_db_is_within_5_percent() {
 #[test]
 fn three_down_one_up_of_ratios_is_within_5_percent() {
     let linear = Function { axis: Axis::Linear, threshold: 0.1, ..CHOICE };
-    staircase(linear, 3, 1, Steps::Multiply(vec![1.6, 1.25, 1.12]), [0.001, 0.4, 1.0]);
+    staircase(linear, 3, 1, Steps::Multiply { by: vec![1.6, 1.25, 1.12] }, [0.001, 0.4, 1.0]);
 }
 
 #[test]
 fn two_down_one_up_of_ratios_is_within_5_percent() {
     let linear = Function { axis: Axis::Linear, threshold: 0.1, ..CHOICE };
-    staircase(linear, 2, 1, Steps::Multiply(vec![1.6, 1.25, 1.12]), [0.001, 0.4, 1.0]);
+    staircase(linear, 2, 1, Steps::Multiply { by: vec![1.6, 1.25, 1.12] }, [0.001, 0.4, 1.0]);
 }
 
 #[test]
 fn one_up_one_down_is_within_5_percent() {
-    staircase(COMPARISON, 1, 1, Steps::Add(vec![0.3, 0.15, 0.08]), [0.0, 1.8, 2.0]);
+    staircase(COMPARISON, 1, 1, Steps::Add { by: vec![0.3, 0.15, 0.08] }, [0.0, 1.8, 2.0]);
 }
 
 /// The true parameters lie between the values of the grids.
@@ -116,9 +116,9 @@ fn quest_threshold_in_db_is_within_2_percent() {
         axis: Axis::Decibel,
         levels: Grid::Linear { from: -40.0, to: 0.0, count: 41 },
         threshold: Grid::Linear { from: -40.5, to: 0.5, count: 42 },
-        slope: Grid::Values(vec![2.0, 3.0, 4.5]),
-        guess: Grid::Values(vec![0.5]),
-        lapse: Grid::Values(vec![0.0, 0.04]),
+        slope: Grid::Values { of: vec![2.0, 3.0, 4.5] },
+        guess: Grid::Values { of: vec![0.5] },
+        lapse: Grid::Values { of: vec![0.0, 0.04] },
         trials: TRIALS,
         threshold_sd: None,
     };
@@ -134,8 +134,8 @@ fn quest_pse_of_comparison_is_within_2_percent() {
         levels: Grid::Linear { from: 0.0, to: 2.0, count: 41 },
         threshold: Grid::Linear { from: 0.0, to: 2.0, count: 40 },
         slope: Grid::Logarithmic { from: 1.5, to: 12.0, count: 4 },
-        guess: Grid::Values(vec![0.0]),
-        lapse: Grid::Values(vec![0.02]),
+        guess: Grid::Values { of: vec![0.0] },
+        lapse: Grid::Values { of: vec![0.02] },
         trials: TRIALS,
         threshold_sd: None,
     };
