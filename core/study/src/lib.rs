@@ -3,10 +3,12 @@
 //! - [`Experiment`]: the file that declares stimuli, parts, questions and tests.
 //! - [`Trial`]: a planned trial. A participant's plan follows from file, seed and number alone.
 //! - [`Progress`]: a participant's way through the plan, also of adaptive methods.
+//! - [`Conduct`]: a session as a state machine, with both screens.
 //! - [`log`]: events on disk, one line of JSON each.
 //! - [`Person`]: a simulated participant.
 //! - [`Table`]: answers in long form.
 
+mod conduct;
 mod file;
 pub mod log;
 mod person;
@@ -18,6 +20,7 @@ mod test;
 #[cfg(test)]
 mod testing;
 
+pub use conduct::{Conduct, Felt, Given, Press, Refused};
 pub use file::{
     Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,
 };
