@@ -113,6 +113,8 @@ pub struct Conduct<'e> {
     progress: Progress<'e>,
     state: State,
     is_paused: bool,
+    /// Why the trial that is shown does not count.
+    problem: Option<String>,
     step: Option<Step>,
     /// When the trial's stimuli could first be felt, in s of the host's clock.
     since_s: f64,
@@ -139,6 +141,7 @@ impl<'e> Conduct<'e> {
             progress,
             state: State::Welcome,
             is_paused: false,
+            problem: None,
             step: None,
             since_s: 0.0,
             token: String::new(),
@@ -193,9 +196,22 @@ impl<'e> Conduct<'e> {
         Ok(Vec::new())
     }
 
-    /// Leaves the trial out that is shown, for a reason of the host's, such as a lost device. `None`: no
-    /// trial is shown.
-    pub fn mark(&mut self, why: &str, answers: Vec<(String, Answer)>, now_s: f64) -> Option<Vec<Event>> {
+    /// Tells that the trial which is shown does not count, such as for a lost device. It is marked once it is
+    /// answered. The first reason of a trial is kept.
+    pub fn spoil(&mut self, why: &str) {
+        if matches!(self.state, State::Reference | State::Explore) {
+            self.problem.get_or_insert_with(|| why.to_owned());
+        }
+    }
+
+    /// Number of the trial that is shown, and its part.
+    pub fn shown(&self) -> Option<(usize, usize)> {
+        let shown = matches!(self.state, State::Reference | State::Explore);
+        self.step.as_ref().filter(|_| shown).map(|step| step.number).zip(self.part())
+    }
+
+    /// Leaves the trial out that is shown. `None`: no trial is shown.
+    fn mark(&mut self, why: &str, answers: Vec<(String, Answer)>, now_s: f64) -> Option<Vec<Event>> {
         let shown = matches!(self.state, State::Wait | State::Reference | State::Explore);
         let number = self.step.as_ref().filter(|_| shown)?.number;
         self.progress.mark();
@@ -242,7 +258,7 @@ impl<'e> Conduct<'e> {
         let event = Event::Shown { trial: step.number, attempt: step.attempt, level: step.level };
         let part = &self.experiment.parts[self.progress.trials()[step.number].part];
         self.state = if part.reference.is_some() { State::Reference } else { State::Explore };
-        self.since_s = now_s;
+        (self.since_s, self.problem) = (now_s, None);
         self.draw();
         vec![event]
     }
@@ -252,6 +268,9 @@ impl<'e> Conduct<'e> {
         match self.state {
             State::Explore => {
                 let Some(step) = self.step.clone() else { return Ok(Vec::new()) };
+                if let Some(why) = self.problem.take() {
+                    return Ok(self.mark(&why, answers, now_s).unwrap_or_default());
+                }
                 self.progress.answer(&answers);
                 let answered = Event::Answered { trial: step.number, answers, seconds: now_s - self.since_s };
                 Ok([vec![answered], self.advance(now_s)].concat())
@@ -679,6 +698,24 @@ mod tests {
         assert!(conduct.press(Press::Next { token }, 0.0).is_err());
         conduct.press(Press::Resume, 0.0).unwrap();
         assert!(!conduct.felt().is_empty());
+    }
+
+    #[test]
+    fn spoiled_trial_is_marked_with_its_answers() {
+        let study = study();
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mut random = Random::new(1);
+        while conduct.participant()["questions"].as_array().unwrap().is_empty() {
+            go_on(&mut conduct, &mut random, 0.0);
+        }
+        let (number, _) = conduct.shown().unwrap();
+        conduct.spoil("2 % of the deadlines were missed");
+        conduct.spoil("and more");
+        let events = go_on(&mut conduct, &mut random, 0.0);
+        let Event::Marked { trial, why, answers } = &events[0] else { panic!("{events:?}") };
+        assert_eq!((*trial, why.as_str(), answers.len()), (number, "2 % of the deadlines were missed", 1));
+        let next = go_on(&mut conduct, &mut random, 0.0);
+        assert!(matches!(next[0], Event::Answered { .. }), "the next trial counts: {next:?}");
     }
 
     #[test]

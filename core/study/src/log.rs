@@ -37,23 +37,25 @@ pub enum Event {
         /// Level of its varied parameter.
         level: Option<f64>,
     },
-    /// A stimulus begins or ends, in samples and ticks of the sound card's clock.
+    /// What is felt changes, in ticks and samples of the sound card's clock.
     Stimulus {
         /// Number of the trial.
         trial: usize,
-        /// Whether it begins.
-        begins: bool,
-        /// First tick that plays it, or the first that does not.
+        /// Place of the stimulus, from 0 for the left one. `None`: nothing is felt.
+        place: Option<usize>,
+        /// First tick that plays it.
         tick: u64,
-        /// Sample of that tick.
+        /// First sample of that tick.
         sample: u64,
     },
     /// Inputs of ticks: what a replay needs.
     Inputs {
         /// First tick.
         tick: u64,
-        /// Values of each input, by node: little-endian f32 in base64, one row a tick.
-        values: Vec<(String, String)>,
+        /// Output of the hand, such as `position`.
+        output: String,
+        /// Its values: little-endian f32 in base64, one row a tick.
+        values: String,
     },
     /// A parameter changes.
     Parameter {
