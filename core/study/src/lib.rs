@@ -5,8 +5,11 @@
 //! - [`Progress`]: a participant's way through the plan, also of adaptive methods.
 //! - [`log`]: events on disk, one line of JSON each.
 //! - [`Person`]: a simulated participant.
-//! - [`Table`]: answers in long form.
+//! - [`Table`]: answers in long form, also as CSV and TSV.
+//! - [`Analysis`](analysis::Analysis): descriptions, tests, thresholds, with a report and pictures.
 
+pub mod analysis;
+mod export;
 mod file;
 pub mod log;
 mod person;
@@ -18,6 +21,8 @@ mod test;
 #[cfg(test)]
 mod testing;
 
+pub use analysis::Analysis;
+pub use export::sidecar;
 pub use file::{
     Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,
 };
