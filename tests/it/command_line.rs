@@ -56,6 +56,14 @@ fn part_of_a_material_offers_its_whole_names() {
     let dir = Room::new();
     let ran = dir.run("check graphs/texture.ron --set texture.material=glass");
     ran.refused("no material `glass`").says(&["`float glass`", "asperity materials --library "]);
+    let ran = dir.run("check graphs/texture.ron --set texture.material=wood");
+    ran.refused("no material `wood`").says(&["`wood` is a family: ", "`oak`", "`beech`"]);
+}
+
+#[test]
+fn number_with_a_decimal_comma_is_told_of_the_point() {
+    let ran = Room::new().run("render graphs/texture.ron --seconds 0,5");
+    ran.refused("'0,5'").says(&["with a decimal point"]);
 }
 
 #[test]

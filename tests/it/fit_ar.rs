@@ -522,3 +522,18 @@ fn dead_stretches_are_left_out_and_their_seconds_told() {
     let off = clean.iter().zip(&mended).map(|(a, b)| (20.0 * (a / b).log10()).abs()).fold(0.0, f64::max);
     assert!(off < 0.7, "{off} dB");
 }
+
+#[test]
+fn power_above_half_the_rate_is_warned_of() {
+    let dir = folder();
+    let mut random = asperity_numbers::Random::new(3);
+    let rows: String =
+        (0..15_000).map(|n| format!("{},1.0,50.0,{}\n", n as f64 / 5000.0, random.normal())).collect();
+    dir.write("fast.csv", format!("t_s,force_n,speed_mm_s,ax_m_s2\n{rows}"));
+    let ran = fit(&dir, "fast.csv --out m.ron").ok();
+    ran.says(&["% of the vibration's power is above 500 Hz", "--model-hz 2000 keeps more"]);
+    let ran = fit(&dir, "fast.csv --out m.ron --model-hz 5000").ok();
+    assert!(!ran.err.contains("power is above"), "{}", ran.err);
+    // Bands reach as far as the models: by their nominal names.
+    assert!(ran.out.contains("\n   1600 "), "{}", ran.out);
+}

@@ -175,12 +175,28 @@ impl GraphFile {
             return Err(fail("there is no `=` in this".into(), "NODE.PARAM=VALUE".into()));
         };
         let value = ron::parse_or_text(&Source::new(format!("{origin} {}", target.trim()), text.trim()))?;
-        match target.trim().split_once('.') {
+        self.set_value(target.trim(), value, Place { source, span: whole }, Some(text.trim().to_owned()))
+    }
+
+    /// Sets a parameter of a node, or a field of the graph, to a value of another file: `place` is where it
+    /// names the target, such as `stylus.speed_mm_s`, and `typed` the value as a person typed it.
+    ///
+    /// # Errors
+    /// An unknown node or field, a value out of range. An unknown parameter is an error only when the graph
+    /// is compiled.
+    pub fn set_value(
+        &mut self,
+        target: &str,
+        value: Value,
+        place: Place,
+        typed: Option<String>,
+    ) -> Result<(), Diagnostic> {
+        let fail = |m: String, help: String| Diagnostic::new(m).at_place(&place).help(help);
+        match target.split_once('.') {
             None => {
-                let name = target.trim();
-                if !self.set_field(name, &value)? {
-                    let help = one_of(name, ["tick_hz", "audio_hz", "seed"]);
-                    return Err(fail(format!("the graph has no setting `{name}`"), help));
+                if !self.set_field(target, &value)? {
+                    let help = one_of(target, ["tick_hz", "audio_hz", "seed"]);
+                    return Err(fail(format!("the graph has no setting `{target}`"), help));
                 }
             }
             Some((id, param)) => {
@@ -193,9 +209,7 @@ impl GraphFile {
                     node.every = value.i64_in(EVERY, "ticks")? as u32;
                     return Ok(());
                 }
-                let place = Place { source: source.clone(), span: whole };
                 node.params.retain(|s| s.name != param);
-                let typed = Some(text.trim().to_owned());
                 node.params.push(Setting { name: param.to_owned(), place, value, typed });
             }
         }

@@ -5,6 +5,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Axis, Function, Shape, require, root};
 
+const IMPOSSIBLE: &str =
+    "a correct answer to a level of 0 is a guess: use a `guess` above 0, for instance 0.5";
+const NO_SLOPE: &str = "the answers fix no slope: use more levels with both correct and wrong answers, and \
+                        with more correct answers at higher levels";
+
 /// Answers at one level.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -68,7 +73,7 @@ pub struct Fit {
     pub threshold: Interval,
     /// Confidence interval of the slope, by profile likelihood.
     pub slope: Interval,
-    /// Logarithm of the likelihood of the answers in their order, 0 or less.
+    /// Natural logarithm of the likelihood of the answers in their order, 0 or less.
     pub log_likelihood: f64,
     /// Twice the logarithm of the likelihood ratio to a function through all rates (Wichmann and Hill 2001).
     pub deviance: f64,
@@ -101,38 +106,32 @@ struct Point {
 
 /// Fits a psychometric function to counts of the method of constant stimuli, by maximum likelihood.
 ///
-/// Rows with equal levels are added. The search takes the best point of a grid, and goes on by damped Fisher
-/// scoring (Wichmann and Hill 2001 give the likelihood). An interval's ends are where twice the drop of the
-/// logarithm of the profile likelihood is the chi-square quantile with one degree of freedom (Venzon and
-/// Moolgavkar 1988).
+/// Rows with equal levels are added. The likelihood is that of Wichmann and Hill (2001). The search starts at
+/// the best point of a grid, and climbs by damped Fisher scoring. A confidence interval ends where twice the
+/// drop of the profile's log-likelihood reaches the chi-square quantile (Venzon and Moolgavkar 1988).
 ///
 /// An error names the setting or row that does not fit, or says why the answers fix no function.
 pub fn fit(rows: &[Row], settings: &FitSettings) -> Result<Fit, String> {
     let problem = Problem::new(rows, settings)?;
     let best = problem.search(problem.start(), [true; 3]);
-    for slope in [problem.low[1], problem.high[1]] {
-        if problem.profile(best, 1, slope) > best.log_likelihood - 1e-6 {
-            return Err("the answers fix no slope: add levels with both correct and wrong answers, or take \
-                        answers that are more often correct at higher levels"
-                .to_owned());
-        }
-    }
     let FitSettings { shape, axis, guess, lapse_up_to, .. } = *settings;
     let exp = Elementary::exp_e;
     let level = |coordinate| shape.level(axis, coordinate);
+    let [threshold, slope, lapse] = [level(best.at[0]), exp(best.at[1]), best.at[2]];
+    let function = Function { shape, axis, threshold, slope, guess, lapse };
+    if !best.log_likelihood.is_finite() {
+        return Err(IMPOSSIBLE.to_owned());
+    }
+    let edges = [problem.low[1], problem.high[1]].map(|slope| problem.profile(best, 1, slope));
+    if edges.iter().any(|edge| *edge > best.log_likelihood - 1e-6) || function.check().is_err() {
+        return Err(NO_SLOPE.to_owned());
+    }
     let degrees = problem.rows.len().saturating_sub(2 + usize::from(lapse_up_to.is_some()));
     let term = |count: f64, of: f64| if count > 0.0 { count * (count / of).log_e() } else { 0.0 };
     let saturated: f64 = problem.rows.iter().map(|[_, k, m]| term(*k, k + m) + term(*m, k + m)).sum();
     let deviance = (2.0 * (saturated - best.log_likelihood)).max(0.0);
     Ok(Fit {
-        function: Function {
-            shape,
-            axis,
-            threshold: level(best.at[0]),
-            slope: exp(best.at[1]),
-            guess,
-            lapse: best.at[2],
-        },
+        function,
         threshold: problem.interval(best, 0, level),
         slope: problem.interval(best, 1, exp),
         log_likelihood: best.log_likelihood,
@@ -154,7 +153,7 @@ impl Problem {
         let mut sorted = rows.to_vec();
         sorted.sort_by(|a, b| a.level.total_cmp(&b.level));
         for Row { level, correct, total } in sorted {
-            require(level.is_finite(), "level", level, "a finite number")?;
+            require(level.abs() <= 1e100, "level", level, "a number from -1e100 to 1e100")?;
             require(total > 0, "total", total, "1 or more, or leave the row out")?;
             require(correct <= total, "correct", correct, &format!("0 to {total}, the row's `total`"))?;
             let at = shape.coordinate(axis, level);
@@ -187,7 +186,8 @@ impl Problem {
         let [threshold, log_slope, lapse] = at;
         let (slope, span) = (log_slope.exp_e(), 1.0 - self.settings.guess - lapse);
         let (mut sum, mut score, mut information) = (0.0, [0.0; 3], [[0.0; 3]; 3]);
-        let over = |a: f64, b: f64| if a > 0.0 { a / b.max(f64::MIN_POSITIVE) } else { 0.0 };
+        // A floor keeps quotients finite where a probability is too small for a number.
+        let over = |a: f64, b: f64| if a > 0.0 { a / b.max(1e-200) } else { 0.0 };
         let term = |count: f64, p: f64| if count > 0.0 { count * p.log_e() } else { 0.0 };
         for &[u, correct, wrong] in &self.rows {
             let z = slope * (u - threshold);
@@ -320,7 +320,7 @@ fn chi_square_above(x: f64, degrees: usize) -> f64 {
     if half <= 0.0 {
         return 1.0;
     }
-    let (first, start) = if degrees % 2 == 0 { (0.0, 0.0) } else { (libm::erfc(half.sqrt()), 0.5) };
+    let (first, start) = if degrees.is_multiple_of(2) { (0.0, 0.0) } else { (libm::erfc(half.sqrt()), 0.5) };
     let term = |i: usize| {
         let a = start + i as f64;
         (a * half.log_e() - half - libm::lgamma(a + 1.0)).exp_e()

@@ -35,7 +35,7 @@ pub enum Axis {
 
 /// A psychometric function: p(level) = guess + (1 - guess - lapse) F(level).
 ///
-/// Any field may hold any number: then results may be NaN. [`check`](Self::check) tells.
+/// A field that does not fit may make results NaN. [`check`](Self::check) names it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Function {
@@ -134,7 +134,12 @@ impl Function {
         require(positive, "threshold", threshold, "a number above 0, for instance 1, or a logarithmic axis")?;
         require(slope > 0.0 && slope.is_finite(), "slope", slope, "a number above 0, for instance 3.5")?;
         require((0.0..1.0).contains(&guess), "guess", guess, "0 or more and less than 1, for instance 0.5")?;
-        require(lapse >= 0.0 && guess + lapse < 1.0, "lapse", lapse, "0 or more, for instance 0.02")
+        require(
+            lapse >= 0.0 && guess + lapse < 1.0,
+            "lapse",
+            lapse,
+            "0 or more and less than 1 - `guess`, as 0.02",
+        )
     }
 
     /// Probability of a correct answer at a level, 0 to 1.
@@ -189,7 +194,9 @@ mod tests {
     };
 
     #[test]
-    fn gaussian_jnd_is_0_6745_standard_deviations() {
+    fn jnd_is_0_6745_deviations_or_log_3_over_slope() {
+        let logistic = Function { shape: Shape::Logistic, ..YES_NO };
+        assert!((logistic.jnd() - 3.0_f64.ln() / 0.5).abs() < 1e-12, "{}", logistic.jnd());
         assert!((YES_NO.pse() - 2.0).abs() < 1e-12, "{}", YES_NO.pse());
         assert!((YES_NO.jnd() - 0.674_489_750_196_081_7 * 2.0).abs() < 1e-12, "{}", YES_NO.jnd());
     }
@@ -228,12 +235,13 @@ mod tests {
     proptest! {
         #[test]
         fn level_at_inverts_probability(
-            shape in 0..3_usize, axis in 0..3_usize, t in 0.1..5.0, s in 0.5..5.0, g in 0.0..0.5, f in 0.01..0.99
+            shape in 0..3_usize, axis in 0..3_usize, threshold in 0.1..5.0, slope in 0.5..5.0,
+            guess in 0.0..0.5, f in 0.01..0.99
         ) {
             let shape = [Shape::Weibull, Shape::Logistic, Shape::Gaussian][shape];
             let axis = [Axis::Linear, Axis::Log10, Axis::Decibel][axis];
-            let function = Function { shape, axis, threshold: t, slope: s, guess: g, lapse: 0.02 };
-            let p = g + (0.98 - g) * f;
+            let function = Function { shape, axis, threshold, slope, guess, lapse: 0.02 };
+            let p = guess + (0.98 - guess) * f;
             let level = function.level_at(p).unwrap();
             prop_assert!((function.probability(level) - p).abs() < 1e-12);
         }

@@ -16,6 +16,8 @@ mod function;
 mod observer;
 mod quest;
 mod staircase;
+#[cfg(test)]
+mod tests;
 
 use std::fmt::Display;
 
@@ -44,10 +46,13 @@ fn require(good: bool, field: &str, value: impl Display, fitting: &str) -> Resul
     if good { Ok(()) } else { Err(format!("`{field}` is {value}: use {fitting}")) }
 }
 
-/// Root of a rising function between `low` and `high`, by bisection to the last bit or so.
+/// Root of a rising function between `low` and `high`, by bisection to the last bit.
 fn root(mut low: f64, mut high: f64, f: impl Fn(f64) -> f64) -> f64 {
-    for _ in 0..100 {
+    for _ in 0..200 {
         let middle = low + (high - low) / 2.0;
+        if !(middle > low && middle < high) {
+            break;
+        }
         *if f(middle) < 0.0 { &mut low } else { &mut high } = middle;
     }
     low + (high - low) / 2.0

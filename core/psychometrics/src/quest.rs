@@ -14,7 +14,10 @@ const MOST: usize = 1 << 23;
 #[serde(rename_all = "snake_case")]
 pub enum Grid {
     /// Any finite values, one or more.
-    Values(Vec<f64>),
+    Values {
+        /// The values.
+        of: Vec<f64>,
+    },
     /// Values at equal distances.
     Linear {
         /// First value.
@@ -73,11 +76,11 @@ fn linear() -> Axis {
 }
 
 fn half() -> Grid {
-    Grid::Values(vec![0.5])
+    Grid::Values { of: vec![0.5] }
 }
 
 fn slips() -> Grid {
-    Grid::Values(vec![0.02])
+    Grid::Values { of: vec![0.02] }
 }
 
 /// Posterior distribution of one parameter.
@@ -134,35 +137,44 @@ impl Grid {
     /// An error names the field that does not fit, and a value that does.
     fn values(&self, field: &str) -> Result<Vec<f64>, String> {
         let (from, to, count) = match self {
-            Self::Values(values) => {
+            Self::Values { of: values } => {
                 let bad = values.iter().find(|v| !v.is_finite());
                 require(bad.is_none(), field, bad.unwrap_or(&0.0), "finite numbers")?;
-                require(!values.is_empty(), field, "empty", "for instance values([0.02])")?;
+                require(!values.is_empty(), field, "empty", "for instance values(of: [0.02])")?;
                 return Ok(values.clone());
             }
-            Self::Linear { from, to, count } => (*from, *to, *count),
-            Self::Logarithmic { from, to, count } => {
-                require(*from > 0.0, &format!("{field}.from"), from, "a number above 0, for instance 1")?;
-                (from.log_e(), to.log_e(), *count)
-            }
+            Self::Linear { from, to, count } | Self::Logarithmic { from, to, count } => (*from, *to, *count),
         };
-        require(from.is_finite(), &format!("{field}.from"), from, "a finite number")?;
-        require(to > from && to.is_finite(), &format!("{field}.to"), to, "a finite number above `from`")?;
-        let many = (2..=10_000).contains(&count);
-        require(many, &format!("{field}.count"), count, "2 to 10000, for instance 40")?;
+        let ratios = matches!(self, Self::Logarithmic { .. });
+        let good = from.is_finite() && (from > 0.0 || !ratios);
+        let fitting = if ratios { "a number above 0, for instance 1" } else { "a finite number" };
+        require(good, &format!("{field}.from"), from, fitting)?;
+        let good = to > from && (to - from).is_finite();
+        require(good, &format!("{field}.to"), to, &format!("a finite number above {from}"))?;
+        let good = (2..=10_000).contains(&count);
+        require(good, &format!("{field}.count"), count, "2 to 10000, for instance 40")?;
+        let (from, to) = if ratios { (from.log_e(), to.log_e()) } else { (from, to) };
         let step = (to - from) / f64::from(count - 1);
         let even = (0..count).map(|i| from + step * f64::from(i));
-        Ok(match self {
-            Self::Logarithmic { .. } => even.map(Elementary::exp_e).collect(),
-            _ => even.collect(),
-        })
+        Ok(if ratios { even.map(Elementary::exp_e).collect() } else { even.collect() })
+    }
+}
+
+impl QuestSettings {
+    /// Levels that may be presented. An error names what does not fit.
+    pub fn levels(&self) -> Result<Vec<f64>, String> {
+        self.levels.values("levels")
+    }
+
+    fn function(&self, [threshold, slope, guess, lapse]: [f64; 4]) -> Function {
+        Function { shape: self.shape, axis: self.axis, threshold, slope, guess, lapse }
     }
 }
 
 impl Quest {
     /// Starts the method. An error names a setting that does not fit, and a value that does.
     pub fn new(settings: QuestSettings) -> Result<Self, String> {
-        let QuestSettings { shape, axis, trials, threshold_sd, .. } = settings;
+        let QuestSettings { trials, threshold_sd, .. } = settings;
         require(trials > 0, "trials", trials, "1 or more, for instance 100")?;
         let sd = threshold_sd.unwrap_or(1.0);
         require(sd > 0.0, "threshold_sd", sd, "a number above 0, or None")?;
@@ -171,11 +183,12 @@ impl Quest {
         let slopes = settings.slope.values("slope")?;
         let guesses = settings.guess.values("guess")?;
         let lapses = settings.lapse.values("lapse")?;
-        let sizes = [&levels, &thresholds, &slopes, &guesses, &lapses].map(Vec::len);
-        let entries = sizes.iter().fold(1_usize, |n, size| n.saturating_mul(*size));
-        let fewer = format!("fewer, so that the numbers of values of all grids multiply to {MOST} or less");
-        require(entries <= MOST, "levels", format!("one of {entries} combinations"), &fewer)?;
-        let mut cells = Vec::with_capacity(entries / levels.len());
+        let sizes = [&thresholds, &slopes, &guesses, &lapses].map(Vec::len);
+        let n = sizes.iter().fold(1_usize, |n, size| n.saturating_mul(*size));
+        let entries = n.saturating_mul(levels.len());
+        let many = format!("{} values for each of {n} combinations of the other grids", levels.len());
+        require(entries <= MOST, "levels", many, &format!("grids whose sizes multiply to {MOST} or less"))?;
+        let mut cells = Vec::with_capacity(n);
         for &t in &thresholds {
             for &s in &slopes {
                 for &g in &guesses {
@@ -183,17 +196,11 @@ impl Quest {
                 }
             }
         }
-        let of = |[threshold, slope, guess, lapse]: [f64; 4]| Function {
-            shape,
-            axis,
-            threshold,
-            slope,
-            guess,
-            lapse,
-        };
-        cells.iter().try_for_each(|cell| of(*cell).check())?;
-        let both = |level| cells.iter().map(move |cell| of(*cell).probabilities(level));
-        let all: Vec<[f64; 2]> = levels.iter().flat_map(|level| both(*level)).collect();
+        cells.iter().try_for_each(|cell| settings.function(*cell).check())?;
+        let mut all: Vec<[f64; 2]> = Vec::with_capacity(entries);
+        for level in &levels {
+            all.extend(cells.iter().map(|cell| settings.function(*cell).probabilities(*level)));
+        }
         let mut quest = Self {
             correct: all.iter().map(|p| p[0]).collect(),
             entropy: all.iter().map(|p| p.iter().map(|p| surprise(*p)).sum()).collect(),
@@ -229,8 +236,7 @@ impl Quest {
 
     /// Probability of a correct answer in the next trial, over all combinations; None after the last.
     pub fn chance(&self) -> Option<f64> {
-        let likelihood = &self.correct[self.next * self.cells.len()..];
-        self.next_level().map(|_| dot(&self.posterior, likelihood))
+        self.next_level().map(|_| dot(&self.posterior, self.likelihood()))
     }
 
     /// Takes the answer of a trial at [`next_level`](Self::next_level). Ignored after the last trial.
@@ -241,8 +247,7 @@ impl Quest {
             return;
         }
         self.answers.push(correct);
-        let likelihood = &self.correct[self.next * self.cells.len()..];
-        let likelihood = likelihood.iter().map(|p| if correct { *p } else { 1.0 - p });
+        let likelihood = self.likelihood().iter().map(|p| if correct { *p } else { 1.0 - p });
         let mut posterior: Vec<f64> = self.posterior.iter().zip(likelihood).map(|(w, l)| w * l).collect();
         let sum: f64 = posterior.iter().sum();
         if sum > 0.0 {
@@ -250,6 +255,12 @@ impl Quest {
             self.posterior = posterior;
         }
         self.next = self.best();
+    }
+
+    /// Probabilities of a correct answer at the next level.
+    fn likelihood(&self) -> &[f64] {
+        let n = self.cells.len();
+        &self.correct[self.next * n..][..n]
     }
 
     /// Settings.
@@ -275,15 +286,8 @@ impl Quest {
         let w = &self.posterior;
         let mode = (0..w.len()).fold(0, |best, i| if w[i] > w[best] { i } else { best });
         let [threshold, slope, guess, lapse] = [0, 1, 2, 3].map(|i| self.marginal(i, mode));
-        let QuestSettings { shape, axis, .. } = self.settings;
-        let function = Function {
-            shape,
-            axis,
-            threshold: threshold.mean,
-            slope: slope.mean,
-            guess: guess.mean,
-            lapse: lapse.mean,
-        };
+        let means = [threshold, slope, guess, lapse].map(|marginal| marginal.mean);
+        let function = self.settings.function(means);
         let entropy = w.iter().map(|w| surprise(*w)).sum();
         Posterior { threshold, slope, guess, lapse, function, entropy }
     }
@@ -296,13 +300,13 @@ fn surprise(p: f64) -> f64 {
 
 /// Sum of products, in four sums that the CPU can form at once.
 fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
     let mut sums = [0.0; 4];
-    for (a, b) in a.chunks(4).zip(b.chunks(4)) {
-        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
-            *sum += a * b;
-        }
+    for (a, b) in a.zip(b) {
+        (0..4).for_each(|i| sums[i] += a[i] * b[i]);
     }
-    sums.iter().sum()
+    rest + sums.iter().sum::<f64>()
 }
 
 impl From<Quest> for Log<QuestSettings> {
@@ -331,9 +335,9 @@ mod tests {
         axis: linear,
         levels: logarithmic(from: 0.1, to: 10, count: 9),
         threshold: linear(from: 1, to: 5, count: 5),
-        slope: values([1, 3]),
-        guess: values([0.5]),
-        lapse: values([0, 0.04]),
+        slope: values(of: [1, 3]),
+        guess: values(of: [0.5]),
+        lapse: values(of: [0, 0.04]),
         trials: 20,
     )";
 
@@ -366,13 +370,13 @@ mod tests {
 
     #[test]
     fn impossible_answer_leaves_the_posterior() {
-        let text = GOOD
-            .replace("[0.5]", "[0]")
-            .replace("from: 0.1, to: 10, count: 9", "from: 1e-300, to: 1e-290, count: 2");
-        let mut quest = Quest::new(settings(&text)).unwrap();
+        let only = |value: f64| Grid::Values { of: vec![value] };
+        let [levels, guess, lapse] = [only(0.0), only(0.0), only(0.0)];
+        let mut quest = Quest::new(QuestSettings { levels, guess, lapse, ..settings(GOOD) }).unwrap();
         let before = quest.posterior();
-        (0..3).for_each(|_| quest.answer(true));
-        assert!(quest.posterior().function.check().is_ok() && before.entropy > 0.0);
+        assert_eq!(quest.chance(), Some(0.0));
+        quest.answer(true);
+        assert_eq!((quest.posterior(), quest.answers()), (before, &[true][..]));
     }
 
     #[test]
@@ -380,15 +384,23 @@ mod tests {
         for (from, to, error) in [
             ("count: 9", "count: 1", "`levels.count` is 1: use 2 to 10000, for instance 40"),
             ("from: 0.1", "from: 0", "`levels.from` is 0: use a number above 0, for instance 1"),
-            ("to: 5", "to: 1", "`threshold.to` is 1: use a finite number above `from`"),
-            ("[1, 3]", "[]", "`slope` is empty: use for instance values([0.02])"),
+            ("to: 5", "to: 1", "`threshold.to` is 1: use a finite number above 1"),
+            ("[1, 3]", "[]", "`slope` is empty: use for instance values(of: [0.02])"),
             ("[1, 3]", "[1, -3]", "`slope` is -3: use a number above 0, for instance 3.5"),
-            ("[0, 0.04]", "[0.5]", "`lapse` is 0.5: use 0 or more, for instance 0.02"),
+            ("[0, 0.04]", "[0.5]", "`lapse` is 0.5: use 0 or more and less than 1 - `guess`, as 0.02"),
             ("trials: 20", "trials: 0", "`trials` is 0: use 1 or more, for instance 100"),
         ] {
             assert_eq!(Quest::new(settings(&GOOD.replace(from, to))).unwrap_err(), error);
         }
-        let huge = GOOD.replace("count: 9", "count: 10000").replace("count: 5", "count: 10000");
-        assert!(Quest::new(settings(&huge)).unwrap_err().starts_with("`levels` is one of 400000000"));
+        let huge = GOOD
+            .replace("count: 9", "count: 99")
+            .replace("count: 5", "count: 10000")
+            .replace("0.5", "0.1, 0.2, 0.3, 0.4, 0.5")
+            .replace("1, 3", "1, 2, 3, 4, 5");
+        assert!(
+            Quest::new(settings(&huge))
+                .unwrap_err()
+                .starts_with("`levels` is 99 values for each of 500000 comb")
+        );
     }
 }

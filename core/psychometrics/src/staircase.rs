@@ -10,20 +10,26 @@ use crate::{Log, require, root};
 #[serde(rename_all = "snake_case")]
 pub enum Steps {
     /// Differences of levels, each above 0. Fits levels in dB or on another logarithmic axis.
-    Add(Vec<f64>),
+    Add {
+        /// Sizes.
+        by: Vec<f64>,
+    },
     /// Ratios of levels, each above 1. Fits levels on a linear axis above 0.
-    Multiply(Vec<f64>),
+    Multiply {
+        /// Sizes.
+        by: Vec<f64>,
+    },
 }
 
 /// Settings of a [`Staircase`].
 ///
 /// Start with large steps. End with steps of at most a quarter of the distance between the levels where F is
-/// 25 % and 75 %. Average reversals at that size alone. A thousand simulated runs of 100 trials are then within
-/// 5 % of the target on average.
+/// 25 % and 75 %. Average reversals at that size alone. With a Weibull slope of 3.5, the mean of a thousand
+/// simulated runs of 100 trials is then within 5 % of the target.
 ///
-/// Larger last steps put the estimate too low where the guess rate is 1/2: chance answers still take the level
-/// down. With 2 down, 1 up and a Weibull slope of 3.5 it is low by 1 to 2 % with steps of 0.15 of that
-/// distance, by 2 to 3 % with a quarter, by 5 to 8 % with half, by 7 to 12 % with three quarters.
+/// Larger last steps put the estimate too low where the guess rate is 1/2, since guesses take the level down.
+/// With 2 down and 1 up it is low by 0 to 2 % with 0.15 of that distance. It is low by 2 to 4 % with a
+/// quarter, by 5 to 8 % with half, by 7 to 12 % with three quarters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StaircaseSettings {
@@ -70,7 +76,7 @@ fn ten() -> u32 {
 pub struct Estimate {
     /// Mean level of the averaged reversals; the geometric mean for [`Steps::Multiply`].
     pub level: f64,
-    /// Standard deviation of these reversals' levels; of a ratio, as a factor less 1, for [`Steps::Multiply`].
+    /// Standard deviation of these levels. For [`Steps::Multiply`] it is a part of the level: 0.1 is 10 %.
     pub sd: f64,
     /// Number of averaged reversals.
     pub reversals: u32,
@@ -102,11 +108,11 @@ impl StaircaseSettings {
     pub fn check(&self) -> Result<(), String> {
         let Self { start, floor, ceiling, ref steps, up_over_down, .. } = *self;
         let (sizes, least) = match steps {
-            Steps::Add(sizes) => (sizes, 0.0),
-            Steps::Multiply(sizes) => (sizes, 1.0),
+            Steps::Add { by: sizes } => (sizes, 0.0),
+            Steps::Multiply { by: sizes } => (sizes, 1.0),
         };
         let fit = |s: &f64| *s > least && s.is_finite();
-        require(!sizes.is_empty(), "steps", "empty", "for instance add([8, 4, 2])")?;
+        require(!sizes.is_empty(), "steps", "empty", "for instance add(by: [8, 4, 2])")?;
         let bad = sizes.iter().find(|s| !fit(s)).copied().unwrap_or(least + 1.0);
         require(
             fit(&bad),
@@ -115,7 +121,7 @@ impl StaircaseSettings {
             &format!("finite numbers above {least}, for instance {}", least + 1.0),
         )?;
         require(floor.is_finite(), "floor", floor, "a finite number")?;
-        let positive = floor > 0.0 || matches!(steps, Steps::Add(_));
+        let positive = floor > 0.0 || matches!(steps, Steps::Add { .. });
         require(positive, "floor", floor, "a number above 0 with ratios, for instance 0.001")?;
         require(ceiling > floor && ceiling.is_finite(), "ceiling", ceiling, &format!("more than {floor}"))?;
         let between = format!("a number from {floor} to {ceiling}");
@@ -139,9 +145,9 @@ impl StaircaseSettings {
 
     /// Probability of a correct answer at which moves balance: that of a step down is r / (1 + r).
     ///
-    /// r is `up_over_down`. With p for a correct and q for a wrong answer, n correct ones in a row come before
-    /// m wrong ones with probability p^(n-1) (1 - q^m) / (p^(n-1) + q^(m-1) - p^(n-1) q^(m-1)) (Feller 1968,
-    /// chapter VIII). With m = 1 that is p^n, so 2 down and 1 up aim at 70.7 %, 3 down and 1 up at 79.4 %.
+    /// r is `up_over_down`, p the probability of a correct answer, q = 1 - p. The probability of n correct
+    /// answers in a row before m wrong ones is p^(n-1) (1 - q^m) / (p^(n-1) + q^(m-1) - p^(n-1) q^(m-1))
+    /// (Feller 1968, chapter VIII). With m = 1 it is p^n: 2 down and 1 up aim at 70.7 %, 3 down at 79.4 %.
     pub fn target(&self) -> f64 {
         let (n, m) = (f64::from(self.down), f64::from(self.up));
         let share = self.up_over_down / (1.0 + self.up_over_down);
@@ -184,12 +190,12 @@ impl Staircase {
             self.reversals.push(self.level);
         }
         let StaircaseSettings { floor, ceiling, ref steps, up_over_down, .. } = self.settings;
-        let (Steps::Add(sizes) | Steps::Multiply(sizes)) = steps;
+        let (Steps::Add { by: sizes } | Steps::Multiply { by: sizes }) = steps;
         let size = sizes.get(self.reversals.len()).or(sizes.last()).copied().unwrap_or_default();
         let by = if rises { up_over_down } else { -1.0 };
         let level = match steps {
-            Steps::Add(_) => self.level + size * by,
-            Steps::Multiply(_) => self.level * size.power(by),
+            Steps::Add { .. } => self.level + size * by,
+            Steps::Multiply { .. } => self.level * size.power(by),
         };
         self.level = level.clamp(floor, ceiling);
     }
@@ -213,7 +219,7 @@ impl Staircase {
     pub fn estimate(&self) -> Option<Estimate> {
         let n = self.settings.average;
         let last = &self.reversals[self.reversals.len().checked_sub(n as usize)?..];
-        let ratios = matches!(self.settings.steps, Steps::Multiply(_));
+        let ratios = matches!(self.settings.steps, Steps::Multiply { .. });
         let levels = last.iter().map(|l| if ratios { l.log_e() } else { *l });
         let mean = levels.clone().sum::<f64>() / f64::from(n);
         let sd = (levels.map(|l| (l - mean) * (l - mean)).sum::<f64>() / f64::from(n)).sqrt();
@@ -246,7 +252,7 @@ mod tests {
     use super::*;
 
     fn settings(down: u32, up: u32, up_over_down: f64) -> StaircaseSettings {
-        let steps = Steps::Add(vec![4.0, 2.0]);
+        let steps = Steps::Add { by: vec![4.0, 2.0] };
         let (floor, ceiling) = (0.0, 40.0);
         StaircaseSettings {
             start: 20.0,
@@ -283,7 +289,7 @@ mod tests {
 
     #[test]
     fn ratios_and_weighted_steps_stay_within_bounds() {
-        let steps = Steps::Multiply(vec![2.0]);
+        let steps = Steps::Multiply { by: vec![2.0] };
         let mut staircase =
             Staircase::new(StaircaseSettings { steps, floor: 4.0, start: 10.0, ..settings(1, 1, 2.0) })
                 .unwrap();
@@ -317,9 +323,10 @@ mod tests {
     fn moves_at_the_target_balance() {
         for (down, up, ratio) in [(3, 2, 1.0), (2, 3, 1.0), (2, 2, 3.0), (4, 1, 0.5)] {
             let rule = settings(down, up, ratio);
+            let target = rule.target();
             let (mut balance, mut moves, mut last, mut run) = (0.0, 0.0, true, 0);
             for i in 0..200_000 {
-                let correct = uniform(5, i) < rule.target();
+                let correct = uniform(5, i) < target;
                 run = if correct == last { run + 1 } else { 1 };
                 last = correct;
                 if run == if correct { down } else { up } {
@@ -345,14 +352,14 @@ mod tests {
     #[test]
     fn settings_are_read_from_ron_and_checked() {
         let read = |text: &str| ron::from_str::<StaircaseSettings>(text).map_err(|e| e.to_string());
-        let good = "(start: -8, floor: -60, ceiling: 0, steps: add([4, 2, 1]), down: 2, trials: 100)";
+        let good = "(start: -8, floor: -60, ceiling: 0, steps: add(by: [4, 2, 1]), down: 2, trials: 100)";
         let read_good = read(good).unwrap();
         assert_eq!((read_good.up, read_good.average, read_good.check()), (1, 10, Ok(())));
         assert!(read(&good.replace("down", "dwon")).unwrap_err().contains("dwon"));
         for (from, to, error) in [
             ("start: -8", "start: 8", "`start` is 8: use a number from -60 to 0"),
             ("4, 2, 1", "4, -2, 1", "`steps` is -2: use finite numbers above 0, for instance 1"),
-            ("4, 2, 1", "", "`steps` is empty: use for instance add([8, 4, 2])"),
+            ("4, 2, 1", "", "`steps` is empty: use for instance add(by: [8, 4, 2])"),
             ("add", "multiply", "`steps` is 1: use finite numbers above 1, for instance 2"),
             ("ceiling: 0", "ceiling: NaN", "`ceiling` is NaN: use more than -60"),
             ("down: 2", "down: 0", "`down` is 0: use 1 to 1000, for instance 1"),

@@ -1,4 +1,4 @@
-"""Writes reference.json beside this file: values of independent programs that tests/reference.rs compares with.
+"""Writes reference.json beside this file, with values of independent programs for tests/reference.rs.
 
 QUEST+ runs come from the package questplus, fits from scipy.optimize, distributions from scipy.stats.
 Run: pip install numpy scipy questplus && python reference.py
@@ -39,9 +39,8 @@ def quest(func, scale, stimuli, names, grids, truth, trials):
         means.param_estimation_method = "mean"
         weights = [means.marginal_posterior[n] for n in names]
         sd = [float(np.sqrt((w * (g - m) ** 2).sum())) for w, g, m in zip(weights, grids, mean)]
-        rows.append(
-            dict(level=stimulus["intensity"], entropy=entropy, correct=correct, mean=mean, mode=mode, sd=sd)
-        )
+        level = stimulus["intensity"]
+        rows.append(dict(level=level, entropy=entropy, correct=correct, mean=mean, mode=mode, sd=sd))
     return rows
 
 
@@ -57,7 +56,7 @@ def distribution(shape, axis, x, t, b):
 
 
 def fit(shape, axis, guess, lapse, rows):
-    """The most likely threshold, slope and, where `lapse` is a bound above 0, lapse rate, with 95 % intervals."""
+    """Most likely threshold and slope with 95 % intervals, and lapse rate up to `lapse` if above 0."""
     x, k, n = (np.array(column, dtype=float) for column in zip(*rows))
     fitted = lapse > 0
 
@@ -70,13 +69,14 @@ def fit(shape, axis, guess, lapse, rows):
 
     def least(function, starts, limits):
         options = dict(xatol=1e-12, fatol=1e-14, maxiter=20000, maxfev=20000)
-        found = [
-            optimize.minimize(function, s, method="Nelder-Mead", bounds=limits, options=options) for s in starts
-        ]
+
+        def simplex(start):
+            return optimize.minimize(function, start, method="Nelder-Mead", bounds=limits, options=options)
+
+        best = min(map(simplex, starts), key=lambda r: r.fun)
         # A simplex stops where the value no longer changes: a new one from there goes on.
-        best = min(found, key=lambda r: r.fun)
         for _ in range(3):
-            best = optimize.minimize(function, best.x, method="Nelder-Mead", bounds=limits, options=options)
+            best = simplex(best.x)
         return best
 
     width = np.ptp(x) if axis != "linear" or shape != "weibull" else np.log(x[-1] / x[0])
@@ -130,7 +130,8 @@ def drawn(shape, axis, guess, lapse, t, b, levels, n):
 
 
 out = dict(
-    made_with={n: version(n) for n in ("numpy", "scipy", "questplus")} | {"python": platform.python_version()},
+    made_with=[f"python {platform.python_version()}"]
+    + [f"{name} {version(name)}" for name in ("numpy", "scipy", "questplus")],
     functions=[
         dict(shape=s, axis=a, level=x, threshold=t, slope=b, f=float(distribution(s, a, x, t, b)))
         for s, a, x, t, b in [
@@ -161,13 +162,19 @@ out = dict(
         60,
     ),
     fits=[
-        fit("weibull", "linear", 0.5, 0.0, drawn("weibull", "linear", 0.5, 0, 1.2, 3, [0.4, 0.7, 1, 1.4, 2, 3], 40)),
-        fit("weibull", "decibel", 0.5, 0.06, drawn("weibull", "decibel", 0.5, 0.03, -20, 3.5, range(-30, -9, 3), 60)),
-        fit("weibull", "log10", 1 / 3, 0.0, drawn("weibull", "log10", 1 / 3, 0, -1, 2, np.arange(-1.8, 0, 0.2), 20)),
-        fit("logistic", "linear", 0.0, 0.0, drawn("logistic", "linear", 0, 0, 5, 1.5, range(2, 9), 30)),
-        fit("logistic", "decibel", 0.25, 0.1, drawn("logistic", "decibel", 0.25, 0.05, 0, 0.8, range(-8, 10, 2), 80)),
-        fit("gaussian", "linear", 0.0, 0.0, drawn("gaussian", "linear", 0, 0, 1, 2, [0, 0.4, 0.8, 1.2, 1.6, 2], 50)),
-        fit("gaussian", "linear", 0.0, 0.05, drawn("gaussian", "linear", 0, 0.0, 1, 2, np.arange(0, 2.6, 0.3), 50)),
+        fit(shape, axis, guess, bound, drawn(shape, axis, guess, lapse, t, b, levels, n))
+        for shape, axis, guess, bound, lapse, t, b, levels, n in [
+            ("weibull", "linear", 0.5, 0.0, 0.0, 1.2, 3, [0.4, 0.7, 1, 1.4, 2, 3], 40),
+            ("weibull", "decibel", 0.5, 0.06, 0.03, -20, 3.5, range(-30, -9, 3), 60),
+            ("weibull", "log10", 1 / 3, 0.0, 0.0, -1, 2, np.arange(-1.8, 0, 0.2), 20),
+            ("logistic", "linear", 0.0, 0.0, 0.0, 5, 1.5, range(2, 9), 30),
+            ("logistic", "decibel", 0.25, 0.1, 0.05, 0, 0.8, range(-8, 10, 2), 80),
+            ("gaussian", "linear", 0.0, 0.0, 0.0, 1, 2, [0, 0.4, 0.8, 1.2, 1.6, 2], 50),
+            ("gaussian", "linear", 0.0, 0.05, 0.0, 1, 2, np.arange(0, 2.6, 0.3), 50),
+        ]
     ],
 )
-pathlib.Path(__file__).with_suffix(".json").write_text(json.dumps(out, indent=1) + "\n")
+# One item of a list a line.
+lists = ["%s: [\n%s\n]" % (json.dumps(k), ",\n".join(map(json.dumps, v))) for k, v in out.items()]
+text = "{\n%s\n}\n" % ",\n".join(lists)
+pathlib.Path(__file__).with_suffix(".json").write_text(text)

@@ -152,7 +152,7 @@ pub struct Part {
 pub enum Sides {
     /// As the file lists them, from left to right.
     Fixed,
-    /// Drawn for each trial.
+    /// Drawn for each trial. A trial with a real sample is always as the file lists it.
     Random,
     /// Each order equally often over the participant's trials of a kind, and over participants.
     Balanced,
@@ -607,6 +607,9 @@ fn over(value: &Value, named: Named<'_>) -> Result<Vec<(usize, Vec<usize>)>, Dia
                 let factor = index(&key_value, &key.name, "factor", names)?;
                 let known = || named.factors[factor].levels.iter().map(String::as_str);
                 let level = |v: &Value| index(v, v.text()?, "level", known());
+                if matches!(levels.kind(), Kind::Word(word) if word == "all") {
+                    return Ok(whole(factor));
+                }
                 let chosen = levels.list()?.iter().map(level).collect::<Result<Vec<_>, _>>()?;
                 if chosen.is_empty() {
                     return Err(levels.error("no levels").help("leave the factor out instead"));
@@ -761,4 +764,104 @@ fn filled(value: &Value, level: &dyn Fn(&str) -> Option<String>) -> Value {
         other => other.clone(),
     };
     Value::made(kind, &value.place())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{parse, text};
+
+    /// Each mistake, a part of its message, and the text that it points at.
+    #[test]
+    fn mistakes_are_refused_where_they_stand() {
+        let rate = "ask: [scale(name: \"r\", text: \"?\", from: 1, to: 7, low: \"a\", high: \"b\")],";
+        let which = "ask: [which(name: \"w\", text: \"?\")],";
+        for (fields, part, message, at) in [
+            ("", "show: [\"q\"]".to_owned(), "unknown stimulus `q`", "\"q\""),
+            ("", "show: []".to_owned(), "nothing to show", "[]"),
+            ("", "show: [\"x\"], order: latin".to_owned(), "unknown kind `latin`", "latin"),
+            ("", "show: [(\"x\", \"w\")], sides: left".to_owned(), "one side for 2 stimuli", "left"),
+            ("", format!("show: [\"x\"], {which}"), "`which` needs two stimuli", "which(name: \"w\", text: \"?\")"),
+            ("", "show: [\"x\"], over: [\"speed\"]".to_owned(), "unknown factor `speed`", "\"speed\""),
+            ("factors: {\"a\": []},", "show: [\"x\"]".to_owned(), "a factor without levels", "[]"),
+            ("factors: {\"a\": [\"b\", \"b\"]},", "show: [\"x\"]".to_owned(), "`b` is used twice", "\"b\""),
+            ("", "show: [\"x\"], repeats: 0".to_owned(), "0 is out of range", "0"),
+            ("masking: white(dbfs: 3, channels: [2]),", "show: [\"x\"]".to_owned(), "3 dB is out of range", "3"),
+            ("words: {\"nxt\": \"Weiter\"},", "show: [\"x\"]".to_owned(), "no word `nxt`", "\"nxt\""),
+            (
+                "",
+                format!("show: [\"x\", \"z\"], {rate} tests: [friedman(of: \"r\")]"),
+                "`show` has 2",
+                "friedman(of: \"r\")",
+            ),
+            ("", format!("show: [\"x\", \"z\"], {rate} tests: [wilcoxon(of: \"s\")]"), "no question `s`", "\"s\""),
+            (
+                "",
+                format!("show: [(\"x\", \"w\")], {which} tests: [binomial(of: \"w\", chosen: \"z\")]"),
+                "shows no stimulus `z`",
+                "\"z\"",
+            ),
+            (
+                "",
+                format!("show: [(\"x\", \"w\")], {which} vary: (stimulus: \"w\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))"),
+                "no parameters",
+                "\"w\"",
+            ),
+            (
+                "",
+                format!("show: [(\"x\", \"z\")], {rate} vary: (stimulus: \"z\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))"),
+                "0 questions that judge it",
+                "(stimulus: \"z\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))",
+            ),
+            (
+                "",
+                format!("show: [(\"x\", \"z\")], {which} vary: (stimulus: \"z\", set: \"a.b\", by: staircase(start: 1, floor: 2,
+                    ceiling: 3, steps: multiply(by: [2]), down: 2, trials: 30))"),
+                "`start` is 1: use a number from 2 to 3",
+                "staircase(start: 1, floor: 2,
+                    ceiling: 3, steps: multiply(by: [2]), down: 2, trials: 30)",
+            ),
+            ("", "show: [\"x\"], repeats: 1000, over: [\"n\"]".to_owned(), "20000 trials in a part", ""),
+        ] {
+            let factor = if part.contains("\"n\"") { "factors: {\"n\": [NAMES]}," } else { fields };
+            let names: Vec<String> = (0..20).map(|n| format!("\"{n}\"")).collect();
+            let error = parse(&text(&factor.replace("NAMES", &names.join(", ")), &part)).unwrap_err();
+            assert!(error.to_string().contains(message), "{error}\nwanted {message}");
+            let place = error.place.expect("a place");
+            let pointed = &place.source.text()[place.span.start..place.span.end];
+            assert!(at.is_empty() || pointed == at, "{message}: points at {pointed}");
+        }
+    }
+
+    #[test]
+    fn setting_of_another_crate_is_refused_at_its_line() {
+        let part = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")], vary: (stimulus: \"z\",
+            set: \"a.b\", by: staircase(
+                start: 2,
+                flor: 1,
+            ))";
+        let error = parse(&text("", part)).unwrap_err();
+        let place = error.place.clone().expect("a place");
+        assert!(
+            place.source.text()[place.span.start..].starts_with("flor") || error.to_string().contains("flor")
+        );
+        let line = place.source.text()[..place.span.start].lines().count();
+        assert!((6..=7).contains(&line), "line {line}: {error}");
+    }
+
+    #[test]
+    fn levels_are_filled_into_texts_and_lists() {
+        let study = parse(&text(
+            "factors: {\"a\": [\"one\", \"two\"]},",
+            "over: [\"a\"], show: [\"x\"], order: fixed",
+        ))
+        .unwrap();
+        let source = Source::new("s.ron", "[\"{a}/{b}.ron\", 3, [\"{a}\"]]");
+        let value = ron::parse(&source).unwrap();
+        let trial = &study.trials(1)[1];
+        let found = filled(&value, &|factor| study.level(trial, factor));
+        let Kind::List(items) = found.kind() else { panic!("{found:?}") };
+        assert_eq!(items[0].text().unwrap(), "two/{b}.ron");
+        assert_eq!(items[2].list().unwrap()[0].text().unwrap(), "two");
+    }
 }

@@ -3,7 +3,7 @@
 use asperity_numbers::Random;
 use asperity_numbers::random::seed_of;
 
-use crate::file::{Experiment, Method, Order, Part, Sides, Stimulus};
+use crate::file::{Experiment, Method, Order, Part, Sides, Stimulus, StimulusKind};
 
 /// A planned trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,7 +46,10 @@ impl Experiment {
             let (cell, kind) = &conditions[at];
             let stimuli = &part.show[*kind];
             let mut places = stimuli.clone();
+            // A real sample is where the experimenter mounts it.
+            let is_real = |s: &usize| matches!(self.stimuli[*s].kind, StimulusKind::Real { .. });
             match part.sides {
+                _ if stimuli.iter().any(is_real) => (),
                 Sides::Fixed | Sides::Left | Sides::Right => (),
                 Sides::Random => shuffle(&mut places, &mut own),
                 Sides::Balanced => {
@@ -78,7 +81,7 @@ impl Experiment {
     }
 
     /// A stimulus of a trial, with the trial's levels filled in.
-    pub fn shown(&self, trial: &Trial, stimulus: usize) -> crate::file::StimulusKind {
+    pub fn shown(&self, trial: &Trial, stimulus: usize) -> StimulusKind {
         self.stimuli[stimulus].filled(&|factor| self.level(trial, factor))
     }
 
@@ -149,7 +152,7 @@ impl Part {
     /// Whether the experimenter mounts a sample in it, and so a *wait* and *explore* sign is shown.
     pub fn has_real(&self, stimuli: &[Stimulus]) -> bool {
         let shown = self.show.iter().flatten().chain(&self.reference);
-        shown.into_iter().any(|s| matches!(stimuli[*s].kind, crate::file::StimulusKind::Real { .. }))
+        shown.into_iter().any(|s| matches!(stimuli[*s].kind, StimulusKind::Real { .. }))
     }
 }
 
@@ -264,7 +267,7 @@ mod tests {
     fn sides_are_balanced_within_and_over_participants() {
         let study = experiment(
             "factors: {\"texture\": [\"a\", \"b\", \"c\", \"d\", \"e\", \"f\"]},",
-            "over: [\"texture\"], show: [(\"x\", \"y\"), (\"y\", \"z\")],",
+            "over: [\"texture\"], show: [(\"x\", \"w\"), (\"w\", \"z\")],",
         );
         let mut over_people = vec![0; 12];
         for participant in 1..=10 {
@@ -283,9 +286,15 @@ mod tests {
     }
 
     #[test]
+    fn real_sample_stays_where_the_file_lists_it() {
+        let study = experiment("", "show: [(\"x\", \"y\")], repeats: 20, sides: random,");
+        assert!((1..5).all(|n| study.trials(n).iter().all(|t| t.places == [0, 2])));
+    }
+
+    #[test]
     fn trials_follow_from_seed_and_number_alone() {
         let study = |seed| {
-            experiment(&format!("seed: {seed},"), "show: [(\"x\", \"y\")], repeats: 20, sides: random,")
+            experiment(&format!("seed: {seed},"), "show: [(\"x\", \"w\")], repeats: 20, sides: random,")
         };
         assert_eq!(study(1).trials(3), study(1).trials(3));
         assert_ne!(study(1).trials(3), study(1).trials(4));
@@ -320,8 +329,8 @@ mod tests {
             told[0].contains("10 participants do not fill a Latin square of 6 rows; take 6 or 12"),
             "{told:?}"
         );
-        let study = experiment("", "show: [(\"x\", \"y\", \"z\")],");
+        let study = experiment("", "show: [(\"x\", \"w\", \"z\")],");
         assert!(study.imbalances()[0].contains("10 trials of each condition"), "{:?}", study.imbalances());
-        assert!(experiment("", "show: [(\"x\", \"y\")],").imbalances().is_empty());
+        assert!(experiment("", "show: [(\"x\", \"w\")],").imbalances().is_empty());
     }
 }

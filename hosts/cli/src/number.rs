@@ -51,5 +51,6 @@ where
 {
     let space = if unit.is_empty() { "" } else { " " };
     let number = text.parse().ok().filter(|x| *x >= least && *x <= most);
-    number.ok_or_else(|| format!("{what} from {least} to {most}{space}{unit} is wanted"))
+    let point = if text.contains(',') { ", with a decimal point" } else { "" };
+    number.ok_or_else(|| format!("{what} from {least} to {most}{space}{unit} is wanted{point}"))
 }

@@ -177,9 +177,15 @@ impl Library {
     pub fn material(&self, name: &str) -> Result<&LibraryMaterial, Diagnostic> {
         self.materials.iter().find(|m| m.name == name).ok_or_else(|| {
             let (file, names) = (self.path.display(), self.materials.iter().map(|m| m.name.as_str()));
+            let of_family = self.materials.iter().filter(|m| m.family.as_deref() == Some(name));
+            let family: Vec<String> = of_family.map(|m| format!("`{}`", m.name)).collect();
+            let help = match family.is_empty() {
+                true => one_of(name, names),
+                false => format!("`{name}` is a family: {}", family.join(", ")),
+            };
             Diagnostic::new(format!("no material `{name}` in {file}"))
                 .in_file(&self.path)
-                .help(format!("{} (all of them: asperity materials --library {file})", one_of(name, names)))
+                .help(format!("{help} (all of them: asperity materials --library {file})"))
         })
     }
 }

@@ -23,6 +23,7 @@ pub mod run;
 pub mod scene;
 pub mod selftest;
 pub mod setup;
+pub mod study;
 pub mod tone;
 pub mod tradeoff;
 pub mod trust;
@@ -82,6 +83,8 @@ pub enum Command {
     SelfTest(selftest::Args),
     #[command(subcommand)]
     Plugin(plugin::Command),
+    #[command(subcommand)]
+    Study(study::Command),
     Trust(trust::Args),
     Completions(completions::Args),
     Man(man::Args),
@@ -113,6 +116,7 @@ impl Command {
             Command::Scene(command) => scene::run(&command),
             Command::SelfTest(args) => selftest::run(&args),
             Command::Plugin(command) => plugin::run(&command),
+            Command::Study(command) => study::run(&command),
             Command::Trust(args) => trust::run(&args),
             Command::Completions(args) => completions::run(&args),
             Command::Man(args) => man::run(&args),

@@ -1,0 +1,178 @@
+//! `asperity study check`: counts of a study, and whether it can run.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::ron::{Kind, Value};
+use asperity_study::{Experiment, Method, StimulusKind, Trial};
+use serde_json::json;
+
+use super::experiment;
+use crate::failure::{Failure, plural, print_report, warn};
+use crate::kinds::Kinds;
+use crate::load::{self, GraphArgs, PluginArgs};
+
+/// Count the trials and minutes of a study, check its balance, and load everything it plays
+///
+/// Nothing is played.
+#[derive(Debug, clap::Args)]
+#[command(after_help = crate::commands::examples(&["asperity study check graphs/studies/heravi2024.ron"]))]
+pub struct Args {
+    /// Experiment file
+    #[arg(value_name = "EXPERIMENT.ron", value_parser = crate::shipped::path())]
+    pub file: PathBuf,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+    /// Print JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let experiment = experiment(&args.file)?;
+    let loaded = load_all(&experiment, &args.plugins)?;
+    print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
+    experiment.imbalances().iter().for_each(|told| warn(told));
+    Ok(())
+}
+
+/// Loads every stimulus of every trial, at the ends of varied parameters. Returns how many there are.
+fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Failure> {
+    let mut done = BTreeMap::new();
+    for (number, part) in experiment.parts.iter().enumerate() {
+        for (cell, kind) in part.conditions() {
+            let trial = Trial {
+                part: number,
+                cell,
+                kind,
+                places: part.show[kind].clone(),
+                level: None,
+                track: None,
+                after_break: false,
+            };
+            for stimulus in part.show[kind].iter().chain(&part.reference) {
+                let filled = experiment.shown(&trial, *stimulus);
+                let levels = match part.vary.as_ref().filter(|vary| vary.stimulus == *stimulus) {
+                    None => vec![None],
+                    Some(vary) => {
+                        ends(&vary.method).into_iter().map(|level| Some((vary.set.as_str(), level))).collect()
+                    }
+                };
+                for level in levels {
+                    let key = format!("{:?} {level:?}", described(&filled));
+                    if let std::collections::btree_map::Entry::Vacant(new) = done.entry(key) {
+                        new.insert(());
+                        load_one(&filled, level, plugins)
+                            .map_err(|failure| named(failure, experiment, *stimulus))?;
+                    }
+                }
+            }
+        }
+    }
+    Ok(done.len())
+}
+
+/// Levels of a varied parameter to load: the lowest and the highest, and any that the file lists.
+fn ends(method: &Method) -> Vec<f64> {
+    match method {
+        Method::Staircase(s) => vec![s.floor, s.start, s.ceiling],
+        Method::Constant { levels, .. } => levels.clone(),
+        Method::Quest(settings) => {
+            let levels = settings.levels().unwrap_or_default();
+            levels.first().into_iter().chain(levels.last()).copied().collect()
+        }
+    }
+}
+
+/// A stimulus in words, without its place.
+fn described(kind: &StimulusKind) -> String {
+    match kind {
+        StimulusKind::Graph { file, set } => {
+            let set: Vec<String> =
+                set.iter().map(|(key, v)| format!("{}={:?}", key.name, v.kind())).collect();
+            format!("graph {:?} {}", file.kind(), set.join(" "))
+        }
+        StimulusKind::Clip { file } => format!("clip {:?}", file.kind()),
+        StimulusKind::Real { mount } => format!("real {:?}", mount.kind()),
+        StimulusKind::Silence => "silence".into(),
+    }
+}
+
+fn load_one(kind: &StimulusKind, level: Option<(&str, f64)>, plugins: &PluginArgs) -> Result<(), Failure> {
+    match kind {
+        StimulusKind::Graph { file, set } => {
+            let args = GraphArgs::plain(&super::found(file)?, plugins);
+            let mut kinds = Kinds::new(&plugins.plugin).looking();
+            let (mut graph, scene) = load::read(&args, &mut kinds)?;
+            for (key, value) in set {
+                let place = asperity_diagnostics::Place { source: value.source().clone(), span: key.span };
+                graph.set_value(&key.name, value.clone(), place, None)?;
+            }
+            if let Some((target, level)) = level {
+                let place = file.place();
+                graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
+            }
+            load::compile(&args, &mut kinds, graph, scene).map(|_| ())
+        }
+        StimulusKind::Clip { file } => {
+            let path = super::found(file)?;
+            hound::WavReader::open(&path)
+                .map(|_| ())
+                .map_err(|e| file.error(format!("this clip cannot be read: {e}")).into())
+        }
+        StimulusKind::Real { .. } | StimulusKind::Silence => Ok(()),
+    }
+}
+
+/// Adds which stimulus it is about.
+fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
+    let Failure::Input(all) = failure else { return failure };
+    let stimulus = &experiment.stimuli[stimulus];
+    let told = |d: Diagnostic| {
+        let span = stimulus.place.span;
+        d.related(&stimulus.place.source, span, format!("for the stimulus `{}`", stimulus.name))
+    };
+    Failure::Input(all.into_iter().map(told).collect())
+}
+
+fn text(experiment: &Experiment, loaded: usize) -> String {
+    let counts: Vec<usize> = (0..experiment.parts.len()).map(|i| experiment.trials_of(i, 1).len()).collect();
+    let mut out = format!(
+        "{}: {}, up to {} and about {:.0} minutes each\n\n",
+        experiment.title,
+        plural(experiment.participants as usize, "participant"),
+        plural(counts.iter().sum(), "trial"),
+        experiment.minutes()
+    );
+    let names = experiment.parts.iter().map(|part| part.name.chars().count());
+    let width = names.chain([4]).max().unwrap_or(4);
+    let _ = writeln!(out, "{:width$}  trials  minutes  conditions  questions", "part");
+    for (part, count) in experiment.parts.iter().zip(&counts) {
+        let asked: Vec<&str> = part.ask.iter().map(|q| q.name.as_str()).collect();
+        let asked = if asked.is_empty() { "none".into() } else { asked.join(", ") };
+        let (minutes, conditions) = (*count as f64 * part.trial_s / 60.0, part.conditions().len());
+        let _ = writeln!(out, "{:width$}  {count:6}  {minutes:7.1}  {conditions:10}  {asked}", part.name);
+    }
+    let _ = writeln!(out, "\nstimuli  all {loaded} load");
+    if experiment.imbalances().is_empty() {
+        out += "balance  every condition is shown equally often in each order of sides\n";
+    }
+    out
+}
+
+fn as_json(experiment: &Experiment, loaded: usize) -> serde_json::Value {
+    let parts = experiment.parts.iter().enumerate().map(|(i, part)| {
+        let trials = experiment.trials_of(i, 1).len();
+        json!({
+            "name": part.name, "trials": trials, "minutes": trials as f64 * part.trial_s / 60.0,
+            "conditions": part.conditions().len(),
+            "questions": part.ask.iter().map(|q| &q.name).collect::<Vec<_>>(),
+        })
+    });
+    json!({
+        "title": experiment.title, "participants": experiment.participants, "minutes": experiment.minutes(),
+        "parts": parts.collect::<Vec<_>>(), "stimuli": loaded, "imbalances": experiment.imbalances(),
+    })
+}
