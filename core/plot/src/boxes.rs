@@ -57,9 +57,11 @@ const LETTERS: f64 = 11.0;
 const SLOT: [f64; 2] = [20.0, 56.0];
 const GROUP: f64 = 78.0;
 const MARGIN: f64 = 14.0;
+/// Room between the labels of two groups.
+const GAP: f64 = 8.0;
 
 impl Boxes {
-    /// The picture as an SVG document, at most 1200 pixels wide.
+    /// The picture as an SVG document, about 1200 pixels wide at most.
     pub fn to_svg(&self) -> String {
         let kinds = self.kinds.len().max(1) as f64;
         let least = (kinds * SLOT[0] + MARGIN).max(GROUP);
@@ -68,13 +70,15 @@ impl Boxes {
         let group = (MOST_WIDTH / columns as f64).min((kinds * SLOT[1] + MARGIN).max(110.0)).max(least);
         let legend_width = self.kinds.iter().map(|k| text_width(k, 12.0) + 38.0).sum::<f64>();
         let inner = (group * columns as f64).max(legend_width);
-        let width = (LEFT + inner + RIGHT).max(LEFT + text_width(&self.title, 19.0) + RIGHT).max(480.0);
+        let name = self.reference.as_ref().map_or(0.0, |(_, name)| text_width(name, LETTERS));
+        let texts = self.subtitles.iter().map(|s| text_width(s, 12.0)).chain([text_width(&self.title, 19.0)]);
+        let room = texts.fold(400.0, f64::max).min(MOST_WIDTH).max(inner + name);
+        let lines = self.groups.iter().map(|(label, _)| wrapped(label, group - GAP, LETTERS, LINES).len());
+        let pitch = HEIGHT + 40.0 + LINE * lines.max().unwrap_or(1) as f64;
         let top = 92.0 + 18.0 * self.subtitles.len() as f64;
-        let pitch = HEIGHT + 34.0 + LINE * LINES as f64;
-        let height = top + pitch * bands as f64;
-        let room = width - LEFT - RIGHT;
         let subtitles: Vec<String> = self.subtitles.iter().map(|s| fitting(s, room, 12.0)).collect();
-        let mut svg = Svg::chart([width, height], LEFT, &self.title, &subtitles);
+        let size = [LEFT + room + RIGHT, top + pitch * bands as f64];
+        let mut svg = Svg::chart(size, LEFT, &self.title, &subtitles);
         if self.kinds.len() > 1 {
             legend(&mut svg, [LEFT + inner, top - 12.0], self.kinds.iter().map(String::as_str));
         }
@@ -110,7 +114,7 @@ impl Boxes {
                     sample.draw(svg, &y, middle, (0.64 * slot).min(34.0), kind);
                 }
             }
-            for (line, text) in wrapped(label, width - 6.0, LETTERS, LINES).iter().enumerate() {
+            for (line, text) in wrapped(label, width - GAP, LETTERS, LINES).iter().enumerate() {
                 let at = [left + width / 2.0, bottom + 18.0 + LINE * line as f64];
                 svg.text(at, "middle", "small", text);
             }
@@ -119,7 +123,7 @@ impl Boxes {
         if let Some((level, name)) = &self.reference {
             let line = format!("M{} {}H{}", num(LEFT), num(y.at(*level)), num(right));
             svg.path(&line, "stroke=\"#323f4b\" stroke-width=\"1.2\" stroke-dasharray=\"6 4\" fill=\"none\"");
-            svg.text([right - 3.0, y.at(*level) - 5.0], "end", "wire", name);
+            svg.text([right + 4.0, y.at(*level) + 4.0], "start", "small", name);
         }
     }
 }

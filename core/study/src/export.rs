@@ -73,7 +73,7 @@ fn fields(row: &Row, factors: &[&str], places: usize) -> Vec<String> {
         row.about.clone().unwrap_or_default(),
         answer,
         row.hit.map_or_else(String::new, |hit| hit.to_string()),
-        in_part(row.seconds.to_string()),
+        in_part(format!("{:.3}", row.seconds)),
     ];
     let all = first.into_iter().chain(numbers).chain(levels).chain([row.kind.clone()]);
     all.chain(shown).chain(last).collect()

@@ -294,12 +294,16 @@ impl Cells<'_> {
             self.rows(cell).filter(|row| row.places.iter().any(|place| place == chosen)).collect();
         let who: BTreeSet<&str> = shown.iter().map(|row| row.participant.as_str()).collect();
         let it = Finding { of: chosen.into(), n: shown.len(), ..self.finding(cell, who.len()) };
-        let sizes: BTreeSet<usize> = shown.iter().map(|row| row.places.len()).collect();
-        if sizes.len() > 1 {
+        let places = |row: &&Row| {
+            let own = row.places.iter().filter(|place| *place == chosen).count();
+            (own, row.places.len())
+        };
+        let chances: BTreeSet<(usize, usize)> = shown.iter().map(places).collect();
+        if chances.len() > 1 {
             let why = "trials show different numbers of stimuli, so chance differs";
             return Finding { why: Some(why.into()), ..it };
         }
-        let chance = sizes.first().map_or(0.5, |size| 1.0 / *size as f64);
+        let chance = chances.first().map_or(0.5, |(own, all)| *own as f64 / *all as f64);
         let wins = shown.iter().filter(|row| row.answer == Answer::Stimulus(chosen.into())).count();
         match binomial_test(wins, shown.len(), chance, alternative) {
             Ok(found) => Finding {

@@ -30,7 +30,9 @@ impl Grid {
         let length = |text: &String| text.chars().count();
         let width = |i: usize| column(i).chain([&self.head[i]]).map(length).max().unwrap_or(0).max(3);
         let is_number = |text: &String| {
-            text == NONE || text.trim_start_matches(['-', '<']).starts_with(|c: char| c.is_ascii_digit())
+            text == NONE
+                || !text.contains(": ")
+                    && text.trim_start_matches(['-', '<']).starts_with(|c: char| c.is_ascii_digit())
         };
         let columns: Vec<(usize, bool)> =
             (0..self.head.len()).map(|i| (width(i), column(i).all(is_number))).collect();
@@ -50,6 +52,23 @@ impl Grid {
         let rows: String = self.rows.iter().map(|row| line(row)).collect();
         format!("{}{}{rows}\n", line(&self.head), line(&rule))
     }
+}
+
+/// A paragraph in lines of at most 100 characters, with a blank line behind it.
+pub(super) fn paragraph(text: &str) -> String {
+    let mut out = String::new();
+    let mut length = 0;
+    for word in text.split_whitespace() {
+        let count = word.chars().count();
+        let (gap, before) = match length {
+            0 => ("", 0),
+            _ if length + 1 + count > 100 => ("\n", 0),
+            _ => (" ", length + 1),
+        };
+        out.extend([gap, word]);
+        length = before + count;
+    }
+    out + "\n\n"
 }
 
 /// A text in one line, without the characters that Markdown takes for its own.

@@ -365,11 +365,11 @@ fn asked(experiment: &Experiment, table: &Table, part: &Part, question: &Questio
                         shares.push(share("different", Answer::Same(false), None));
                         continue;
                     }
-                    let mut names: Vec<&str> =
-                        shown.iter().map(|s| experiment.stimuli[*s].name.as_str()).collect();
-                    let chance = Some(1.0 / names.len() as f64);
-                    names.dedup();
-                    shares.extend(names.iter().map(|of| share(of, Answer::Stimulus((*of).into()), chance)));
+                    let names = || shown.iter().map(|s| experiment.stimuli[*s].name.as_str());
+                    for of in pictures::distinct(names()) {
+                        let chance = names().filter(|name| *name == of).count() as f64 / shown.len() as f64;
+                        shares.push(share(of, Answer::Stimulus(of.into()), Some(chance)));
+                    }
                 }
             }
             Figures::Shares(shares)

@@ -59,8 +59,8 @@ pub(super) fn pictures(i: usize, part: &PartFigures, j: usize, asked: &Asked) ->
         Figures::Numbers { range, labels, cells, .. } if cells.iter().any(|cell| cell.summary.is_some()) => {
             let kinds = distinct(cells.iter().map(|cell| cell.kind.as_str()));
             if part.factors.len() != 2 || kinds.len() > 1 {
-                let y = format!("{} ({}) to {} ({})", range[0], labels[0], range[1], labels[1]);
-                add("boxes", "answers", &|title| boxes(title, asked, cells, *range, &y));
+                let ends = format!("{} ({}) to {} ({}).", range[0], labels[0], range[1], labels[1]);
+                add("boxes", "answers", &|title| boxes(title, asked, cells, *range, &ends));
             }
             if let [rows, columns] = part.factors.as_slice() {
                 for (k, kind) in kinds.iter().enumerate() {
@@ -131,7 +131,7 @@ fn grouped<'a>(
     (kinds.iter().map(|kind| (*kind).to_owned()).collect(), groups)
 }
 
-fn boxes(title: String, asked: &Asked, cells: &[Cell], [low, high]: [f64; 2], y: &str) -> Drawing {
+fn boxes(title: String, asked: &Asked, cells: &[Cell], [low, high]: [f64; 2], ends: &str) -> Drawing {
     let spread = |s: &Summary| Spread::Box {
         whiskers: s.whiskers,
         quartiles: s.quartiles,
@@ -148,8 +148,8 @@ fn boxes(title: String, asked: &Asked, cells: &[Cell], [low, high]: [f64; 2], y:
     let room = 0.04 * (high - low);
     Drawing::Boxes(Boxes {
         title,
-        subtitles: vec![asked.text.clone(), people],
-        y: y.to_owned(),
+        subtitles: vec![format!("{} {ends}", asked.text), people],
+        y: "answer".into(),
         range: (low - room, high + room),
         reference: None,
         kinds,
@@ -234,6 +234,14 @@ impl Condition {
 }
 
 fn tracks(title: String, of: &Thresholds, condition: &Condition) -> Drawing {
+    // All plots have the same axes.
+    let levels = || condition.people.iter().flat_map(|one| one.trials.iter().map(|(level, _)| *level));
+    let (low, high) = levels().fold((f64::MAX, f64::MIN), |(l, h), level| (l.min(level), h.max(level)));
+    let range = match of.is_logarithmic {
+        true => (low / 1.2, high * 1.2),
+        false => (low - 0.05 * (high - low), high + 0.05 * (high - low)),
+    };
+    let most = condition.people.iter().map(|one| one.trials.len()).max().unwrap_or(0) as f64;
     let plot = |one: &Threshold| {
         let points = || one.trials.iter().zip(1..).map(|((level, _), trial)| (f64::from(trial), *level));
         let last = one.trials.len() as f64;
@@ -246,8 +254,8 @@ fn tracks(title: String, of: &Thresholds, condition: &Condition) -> Drawing {
         Plot {
             heading: (one.participant.clone(), found),
             x_name: "trial".into(),
-            x: Scale::default(),
-            y: Scale { logarithmic: of.is_logarithmic, range: None },
+            x: Scale { logarithmic: false, range: Some((0.0, most + 1.0)) },
+            y: Scale { logarithmic: of.is_logarithmic, range: (low < high).then_some(range) },
             traces: vec![path, reversals, estimate],
         }
     };

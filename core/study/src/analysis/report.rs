@@ -1,7 +1,7 @@
 //! The report in Markdown.
 
 use super::inference::NOT_SIGNIFICANT;
-use super::markdown::{Grid, NONE, digits, escaped, or_none, p_value, short};
+use super::markdown::{Grid, NONE, digits, escaped, or_none, p_value, paragraph, short};
 use super::pictures::{distinct, joined, medians, pictures};
 use super::{
     Analysis, Asked, Cell, Figures, Finding, PartFigures, Share, Summary, Tested, Threshold, Thresholds, Told,
@@ -15,10 +15,12 @@ const READ_SKEWNESS: &str = "Z and p are those of the two-sided skewness test (D
 const READ_SHARES: &str = "n counts answers. The interval holds the true share with 95 % confidence, if \
     answers are independent (Wilson 1927).";
 const READ_FRIEDMAN: &str = "n counts people. The statistic is chi-square, corrected for ties (Friedman \
-    1937). W is Kendall's coefficient of concordance: 0 is no agreement, 1 is full agreement.";
+    1937). W is Kendall's coefficient of concordance: 0 is no agreement, 1 is full agreement. *Left out* \
+    counts people without an answer to each kind.";
 const READ_WILCOXON: &str = "n counts differences that are not zero (Wilcoxon 1945). *Left out* counts people \
-    without both answers. The p-value is exact with midranks, so ties are allowed. CLES is the common \
-    language effect size: the probability that the first kind gets the larger answer (McGraw and Wong 1992).";
+    without both answers. The rank sum is the smaller one if two-sided, else that of positive differences. \
+    *Exact with ties* takes the midranks of the sample, so ties are allowed. CLES is the common language \
+    effect size: the probability that the first kind gets the larger answer (McGraw and Wong 1992).";
 const READ_BINOMIAL: &str = "k of n answers name the stimulus. p comes from the exact binomial test against \
     chance. It takes answers as independent. It is not corrected for the number of cells.";
 const READ_ABILITY: &str = "Abilities are on the log scale and sum to 0. A stimulus wins against another with \
@@ -39,13 +41,15 @@ impl Analysis {
         self.head(&mut out);
         for (i, part) in self.parts.iter().enumerate() {
             out += &format!("## Part {}: {}\n\n", i + 1, escaped(&part.name));
-            out += &format!("{} trials for each participant", part.trials);
+            let factors = part.factors.iter().map(|(name, levels)| format!("{name} ({})", levels.len()));
+            let mut told = format!("Trials for each participant: {}.", part.trials);
             if !part.factors.is_empty() {
-                let factor = |(name, levels): &(String, Vec<String>)| format!("{} {name}", levels.len());
-                let all: Vec<String> = part.factors.iter().map(factor).collect();
-                out += &format!(". Factors: {}", escaped(&all.join(", ")));
+                told += &format!(" Factors: {}.", escaped(&factors.collect::<Vec<_>>().join(", ")));
             }
-            out += &format!(". Kinds of trials: {}.\n\n", escaped(&part.kinds.join(", ")));
+            out += &paragraph(&format!("{told} Kinds of trials: {}.", escaped(&part.kinds.join(", "))));
+            if part.asked.is_empty() {
+                out += "No questions.\n\n";
+            }
             for (j, asked) in part.asked.iter().enumerate() {
                 question(&mut out, asked);
                 for picture in pictures(i, part, j, asked) {
@@ -133,8 +137,7 @@ impl Analysis {
         }
         if scales().next().is_some() {
             *out += &format!("\n{}", grid.text());
-            *out +=
-                "How to read it: n counts people. The distribution counts the answers of each number.\n\n";
+            *out += &read("n counts people. The distribution counts the answers of each number.");
         }
         for asked in &self.survey {
             if let Figures::Texts(told) = &asked.figures {
@@ -143,6 +146,11 @@ impl Analysis {
             }
         }
     }
+}
+
+/// A paragraph that says how to read a table.
+fn read(text: &str) -> String {
+    paragraph(&format!("How to read it: {text}"))
 }
 
 fn question(out: &mut String, asked: &Asked) {
@@ -197,12 +205,13 @@ fn numbers(out: &mut String, factors: &[&str], kind: &str, cells: &[Cell]) {
     let tested = cells.iter().filter_map(|cell| cell.skewness).collect::<Vec<_>>();
     let skewed = tested.iter().filter(|[_, p]| *p < 0.05).count();
     let reasons = distinct(cells.iter().filter_map(|cell| cell.why.as_deref()));
-    *out += &format!("Skewness is significant at 0.05 in {skewed} of {} samples. ", tested.len());
+    let mut told = format!("Skewness is significant at 0.05 in {skewed} of {} samples.", tested.len());
     if !reasons.is_empty() {
         let count = cells.len() - tested.len();
-        *out += &format!("{count} samples were not tested: {}. ", escaped(&reasons.join("; ")));
+        told += &format!(" Not tested: {count}, since {}.", escaped(&reasons.join("; ")));
     }
-    *out += &format!("\n\nHow to read it: {READ_NUMBERS} {READ_SKEWNESS}\n\n");
+    *out += &paragraph(&told);
+    *out += &read(&format!("{READ_NUMBERS} {READ_SKEWNESS}"));
 }
 
 fn quartiles(s: &Summary) -> String {
@@ -225,9 +234,9 @@ fn shares(out: &mut String, factors: &[&str], shares: &[Share]) {
     *out += &grid.text();
     let chances = distinct_numbers(shares.iter().filter_map(|share| share.chance));
     if !chances.is_empty() {
-        *out += &format!("Chance is {}. ", chances.join(" or "));
+        *out += &format!("Chance is {}.\n\n", chances.join(" or "));
     }
-    *out += &format!("How to read it: {READ_SHARES}\n\n");
+    *out += &read(READ_SHARES);
 }
 
 fn distinct_numbers(numbers: impl Iterator<Item = f64>) -> Vec<String> {
@@ -256,7 +265,7 @@ fn tested(out: &mut String, test: &Tested) {
                     yes(f),
                 ]
             });
-            *out += &format!("How to read it: {READ_FRIEDMAN}\n\n");
+            *out += &read(READ_FRIEDMAN);
             let not_made = |f: &&Finding| f.why.as_deref() == Some(NOT_SIGNIFICANT);
             let made: Vec<Finding> = test.post_hoc.iter().filter(|f| !not_made(f)).cloned().collect();
             if made.is_empty() {
@@ -281,7 +290,7 @@ fn tested(out: &mut String, test: &Tested) {
                     yes(f),
                 ]
             });
-            *out += &format!("How to read it: {READ_BINOMIAL}\n\n");
+            *out += &read(READ_BINOMIAL);
         }
         _ => {
             let head = ["comparisons", "people", "left out", "chi-square", "p", "significant"];
@@ -304,7 +313,7 @@ fn tested(out: &mut String, test: &Tested) {
                 grid.row(a.levels.iter().cloned().chain(row));
             }
             *out += &grid.text();
-            *out += &format!("How to read it: {READ_ABILITY}\n\n");
+            *out += &read(READ_ABILITY);
         }
     }
 }
@@ -343,7 +352,7 @@ fn findings<const N: usize>(
 }
 
 fn pairs(out: &mut String, test: &Tested, all: &[Finding]) {
-    let head = ["pair", "n", "zeros", "left out", "W", "p", "adjusted p", "CLES", "significant"];
+    let head = ["pair", "n", "zeros", "left out", "rank sum", "p", "adjusted p", "CLES", "significant"];
     findings(out, test, all, head, |f| {
         [
             f.of.clone(),
@@ -358,9 +367,9 @@ fn pairs(out: &mut String, test: &Tested, all: &[Finding]) {
         ]
     });
     let correction = test.correction.unwrap_or_default();
-    *out += &format!("{} pairs were tested. Correction: {correction}", test.made);
-    *out += &test.cut_off.map_or_else(String::new, |c| format!(", cut-off {}", p_value(Some(c))));
-    *out += &format!(". How to read it: {READ_WILCOXON}\n\n");
+    let cut_off = test.cut_off.map_or_else(String::new, |c| format!(" Cut-off: {}.", p_value(Some(c))));
+    *out += &format!("Tested pairs: {}. Correction: {correction}.{cut_off}\n\n", test.made);
+    *out += &read(READ_WILCOXON);
 }
 
 fn thresholds(out: &mut String, of: &Thresholds) {
@@ -452,7 +461,7 @@ fn thresholds(out: &mut String, of: &Thresholds) {
         "QUEST+" => READ_QUEST,
         _ => READ_FIT,
     };
-    *out += &format!("How to read it: n counts trials. {read}\n\n");
+    *out += &self::read(&format!("n counts trials. {read}"));
 }
 
 fn texts(out: &mut String, told: &[Told]) {

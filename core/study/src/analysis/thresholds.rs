@@ -85,7 +85,7 @@ pub(super) fn thresholds(
         None => return it,
         Some(Method::Staircase(settings)) => {
             it.target = Some(settings.target());
-            let ratios = matches!(settings.steps, asperity_psychometrics::Steps::Multiply(_));
+            let ratios = matches!(settings.steps, asperity_psychometrics::Steps::Multiply { .. });
             ("staircase", ratios)
         }
         Some(Method::Quest(settings)) => {
