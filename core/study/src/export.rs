@@ -148,3 +148,66 @@ pub fn sidecar(experiment: &Experiment) -> Value {
     add("seconds", with(seconds, "Units", "s".into()));
     Value::Object(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::experiment;
+
+    fn table() -> Table {
+        let row = |answer: Answer| Row {
+            participant: "Doe, \"J\"".into(),
+            part: "one".into(),
+            trial: 3,
+            shown: 4,
+            levels: vec![("level".into(), "a,b".into())],
+            kind: "x-y".into(),
+            places: vec!["y".into(), "x".into()],
+            level: Some(0.5),
+            question: "q".into(),
+            about: None,
+            answer,
+            hit: Some(true),
+            seconds: 2.0,
+        };
+        let told = Row { part: String::new(), ..row(Answer::Text("one\ntwo\tthree".into())) };
+        let slider = row(Answer::Numbers(vec![("x".into(), 12.5)]));
+        let rows = vec![row(Answer::Same(false)), slider, Row { hit: None, level: None, ..told }];
+        Table { rows, ..Table::default() }
+    }
+
+    #[test]
+    fn csv_with_commas_quotes_and_lines_reads_back() {
+        let text = table().csv();
+        let mut reader = csv::Reader::from_reader(text.as_bytes());
+        let head: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
+        assert_eq!(head[4..8], ["factor_level", "kind", "place_1", "place_2"]);
+        let rows: Vec<csv::StringRecord> = reader.records().map(Result::unwrap).collect();
+        assert_eq!([&rows[0][0], &rows[0][4], &rows[0][11]], ["Doe, \"J\"", "a,b", "different"]);
+        assert_eq!((&rows[1][11], &rows[0][13]), ("12.5", "2.000"));
+        // The survey has no trial and no time.
+        assert_eq!([&rows[2][2], &rows[2][11], &rows[2][13]], ["", "one\ntwo\tthree", ""]);
+        assert_eq!(Table::default().csv().lines().count(), 1);
+    }
+
+    #[test]
+    fn tsv_has_one_line_an_answer_and_its_columns_described() {
+        let text = table().tsv();
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split('\t').collect()).collect();
+        assert_eq!(lines.len(), 4);
+        assert!(lines.iter().all(|line| line.len() == lines[0].len()));
+        assert_eq!((lines[3][1], lines[3][11]), ("n/a", "one two three"));
+        let study = experiment(
+            "factors: {\"level\": [\"a,b\", \"c\"]},",
+            "over: [\"level\"], show: [(\"x\", \"y\")], ask: [same(name: \"q\", text: \"Alike?\")],",
+        );
+        let described = sidecar(&study);
+        for column in &lines[0] {
+            let about = &described[column];
+            assert!(about["LongName"].is_string() && about["Description"].is_string(), "{column}");
+        }
+        assert_eq!(described["seconds"]["Units"], "s");
+        assert_eq!(described["question"]["Levels"]["q"], "Alike?");
+        assert_eq!(described["factor_level"]["Levels"]["a,b"], "level a,b");
+    }
+}

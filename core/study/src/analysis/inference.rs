@@ -222,12 +222,9 @@ impl Cells<'_> {
             .filter(move |row| levels(row).as_deref() == Some(cell))
     }
 
-    /// Means without rounding errors, so that equal values tie.
     fn means(&self) -> Means {
         let by = |row: &Row| Some((levels_of(self.experiment, &self.test.each, row)?, row.kind.clone()));
-        let mut means = self.table.means(&self.part.name, self.question, by);
-        means.values_mut().flat_map(BTreeMap::values_mut).for_each(|x| *x = rounded(*x));
-        means
+        self.table.means(&self.part.name, self.question, by)
     }
 
     fn label(&self, kind: usize) -> String {
@@ -259,7 +256,8 @@ impl Cells<'_> {
         let kinds: Vec<usize> = (0..self.part.show.len()).collect();
         let complete = self.complete(means, cell, &kinds);
         let it = self.finding(cell, complete.len());
-        match friedman(&complete) {
+        let even: Vec<Vec<f64>> = complete.into_iter().map(|row| rounded(&row)).collect();
+        match friedman(&even) {
             Ok(found) => Finding { effect: Some(found.w), ..it.with(&found.chi_square, self.test.alpha) },
             Err(e) => it.without(&e, "each person's answers are equal"),
         }
@@ -270,7 +268,7 @@ impl Cells<'_> {
         let (x, y): (Vec<f64>, Vec<f64>) = complete.iter().map(|row| (row[0], row[1])).unzip();
         let it = Finding { of: self.pair_name(pair), ..self.finding(cell, x.len()) };
         let test = || {
-            let d: Vec<f64> = differences(&x, &y)?.into_iter().map(rounded).collect();
+            let d = rounded(&differences(&x, &y)?);
             let exact = wilcoxon(&d, alternative, Zeros::Drop, Method::ExactWithTies);
             match exact {
                 Err(Error::TooMany { .. }) => {
@@ -282,7 +280,7 @@ impl Cells<'_> {
         match test() {
             Ok(found) => Finding {
                 zeros: found.excluded,
-                effect: common_language_effect(&x, &y).ok().map(|effect| effect.size),
+                effect: common_language_effect(&rounded(&x), &rounded(&y)).ok().map(|effect| effect.size),
                 ..it.with(&found, self.test.alpha)
             },
             Err(e) => Finding { zeros: x.len(), n: 0, ..it.without(&e, "all differences are zero") },
@@ -381,6 +379,7 @@ impl Finding {
     }
 }
 
-fn rounded(x: f64) -> f64 {
-    (x * 1e9).round() / 1e9
+/// Values without the rounding errors of means, so that equal ones tie.
+fn rounded(x: &[f64]) -> Vec<f64> {
+    x.iter().map(|x| (x * 1e9).round() / 1e9).collect()
 }

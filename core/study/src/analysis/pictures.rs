@@ -299,7 +299,7 @@ fn functions(title: String, of: &Thresholds) -> Drawing {
     Drawing::Chart(Chart {
         title,
         subtitle: format!("Share of hits by {} of {}. Lines are fitted.", of.varied[1], of.varied[0]),
-        columns: plots.len().min(3).max(2),
+        columns: plots.len().clamp(2, 3),
         size: [300.0, 220.0],
         plots,
         aside: Vec::new(),

@@ -165,9 +165,9 @@ fn figures(out: &mut String, part: &PartFigures, asked: &Asked) {
             *out += &format!("From {} ({}) to {} ({}).\n\n", range[0], escaped(low), range[1], escaped(high));
             if let [rows, columns] = part.factors.as_slice() {
                 for kind in distinct(cells.iter().map(|cell| cell.kind.as_str())) {
-                    *out += &format!("Medians of {}:\n\n", escaped(kind));
-                    let head = format!("{} \\ {}", rows.0, columns.0);
-                    let mut grid = Grid::new([&head].into_iter().chain(&columns.1));
+                    let across = format!("Medians of {kind}. Columns: {}.", columns.0);
+                    *out += &paragraph(&escaped(&across));
+                    let mut grid = Grid::new([&rows.0].into_iter().chain(&columns.1));
                     for (row, values) in rows.1.iter().zip(medians(cells, kind, rows, columns)) {
                         let values = values.into_iter().map(|median| or_none(median, short));
                         grid.row([row.clone()].into_iter().chain(values));

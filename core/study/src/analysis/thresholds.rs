@@ -108,9 +108,9 @@ pub(super) fn thresholds(
             let own: Vec<&Row> = rows(table, &part.name, &question.name)
                 .filter(|row| row.kind == label && levels_of(experiment, &all, row).as_ref() == Some(&cell))
                 .collect();
-            let of = |code: &str| own.iter().copied().filter(|row| row.participant == code).collect();
-            let people: Vec<Threshold> =
-                people(table).into_iter().map(|code| one(code, &Vec::as_slice(&of(code)))).collect();
+            let of =
+                |code: &str| own.iter().copied().filter(|row| row.participant == code).collect::<Vec<_>>();
+            let people: Vec<Threshold> = people(table).into_iter().map(|code| one(code, &of(code))).collect();
             let constant = matches!(method, Some(Method::Constant { .. }));
             let found: Vec<f64> = people.iter().filter_map(|p| p.threshold).collect();
             it.conditions.push(Condition {
