@@ -58,7 +58,7 @@ const SLOT: [f64; 2] = [20.0, 56.0];
 const GROUP: f64 = 78.0;
 const MARGIN: f64 = 14.0;
 /// Room between the labels of two groups.
-const GAP: f64 = 8.0;
+const GAP: f64 = 12.0;
 
 impl Boxes {
     /// The picture as an SVG document, about 1200 pixels wide at most.
@@ -75,7 +75,7 @@ impl Boxes {
         let room = texts.fold(400.0, f64::max).min(MOST_WIDTH).max(inner + name);
         let lines = self.groups.iter().map(|(label, _)| wrapped(label, group - GAP, LETTERS, LINES).len());
         let pitch = HEIGHT + 40.0 + LINE * lines.max().unwrap_or(1) as f64;
-        let top = 92.0 + 18.0 * self.subtitles.len() as f64;
+        let top = if self.kinds.len() > 1 { 92.0 } else { 68.0 } + 18.0 * self.subtitles.len() as f64;
         let subtitles: Vec<String> = self.subtitles.iter().map(|s| fitting(s, room, 12.0)).collect();
         let size = [LEFT + room + RIGHT, top + pitch * bands as f64];
         let mut svg = Svg::chart(size, LEFT, &self.title, &subtitles);

@@ -26,6 +26,8 @@ const CELL: [f64; 2] = [92.0, 34.0];
 const MARGIN: f64 = 24.0;
 const LINE: f64 = 14.0;
 const LINES: usize = 3;
+/// Room between the labels of two columns.
+const GAP: f64 = 14.0;
 const LABEL: f64 = 260.0;
 /// Darkest colour, as a part of the scale: its hue is still seen.
 const DARKEST: f64 = 0.8;
@@ -38,15 +40,16 @@ impl Matrix {
         let (left, across) = (MARGIN + label + 12.0, CELL[0] * self.columns.1.len() as f64);
         let width = (left + across + MARGIN).max(2.0 * MARGIN + text_width(&self.title, 19.0)).max(420.0);
         let head = 66.0 + 18.0 * self.subtitles.len() as f64;
-        let top = head + 22.0 + LINE * LINES as f64;
+        let names = || self.columns.1.iter().map(|name| wrapped(name, CELL[0] - GAP, 11.0, LINES));
+        let most = names().map(|lines| lines.len()).max().unwrap_or(1);
+        let top = head + 26.0 + LINE * most as f64;
         let height = top + CELL[1] * self.rows.1.len() as f64 + MARGIN;
         let room = width - 2.0 * MARGIN;
         let subtitles: Vec<String> = self.subtitles.iter().map(|s| fitting(s, room, 12.0)).collect();
         let mut svg = Svg::chart([width, height], MARGIN, &self.title, &subtitles);
         svg.text([left, head + 4.0], "start", "head", &self.columns.0);
         svg.text([MARGIN, top - 10.0], "start", "head", &fitting(&self.rows.0, label, 13.0));
-        for (i, name) in self.columns.1.iter().enumerate() {
-            let lines = wrapped(name, CELL[0] - 8.0, 11.0, LINES);
+        for (i, lines) in names().enumerate() {
             for (line, text) in lines.iter().enumerate() {
                 // Labels end at the cells.
                 let up = LINE * (lines.len() - 1 - line) as f64;

@@ -231,14 +231,23 @@ impl Analysis {
 
     /// The p-value of each declared test in each cell.
     ///
-    /// Post-hoc pairs are listed also where they were not made. Names are the same for all tables of an
-    /// experiment.
+    /// Post-hoc pairs are listed also where they were not made. Names are distinct. They are the same for all
+    /// tables of an experiment.
     pub fn p_values(&self) -> Vec<PValue> {
         let of = |part: &PartFigures| {
             let name = part.name.clone();
             part.tests.iter().flat_map(|test| test.p_values(&name)).collect::<Vec<_>>()
         };
-        self.parts.iter().flat_map(of).collect()
+        let mut found: Vec<PValue> = self.parts.iter().flat_map(of).collect();
+        let mut seen: BTreeMap<String, u32> = BTreeMap::new();
+        for value in &mut found {
+            let count = seen.entry(value.name.clone()).or_default();
+            *count += 1;
+            if *count > 1 {
+                value.name += &format!(" ({count})");
+            }
+        }
+        found
     }
 }
 

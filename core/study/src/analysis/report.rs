@@ -7,32 +7,43 @@ use super::{
     Analysis, Asked, Cell, Figures, Finding, PartFigures, Share, Summary, Tested, Threshold, Thresholds, Told,
 };
 
-const READ_NUMBERS: &str = "n counts people. A person's value is the mean of their answers in the cell. \
-    Missing people gave no answer there. Quartiles are interpolated (Hyndman and Fan 1996, type 7). \
-    Whiskers reach 1.5 box lengths (Tukey 1977).";
-const READ_SKEWNESS: &str = "Z and p are those of the two-sided skewness test (D'Agostino 1970). \
-    A small p speaks against a normal distribution. The tests below use ranks and do not need one.";
-const READ_SHARES: &str = "n counts answers. The interval holds the true share with 95 % confidence, if \
-    answers are independent (Wilson 1927).";
-const READ_FRIEDMAN: &str = "n counts people. The statistic is chi-square, corrected for ties (Friedman \
-    1937). W is Kendall's coefficient of concordance: 0 is no agreement, 1 is full agreement. *Left out* \
-    counts people without an answer to each kind.";
-const READ_WILCOXON: &str = "n counts differences that are not zero (Wilcoxon 1945). *Left out* counts people \
-    without both answers. The rank sum is the smaller one if two-sided, else that of positive differences. \
-    *Exact with ties* takes the midranks of the sample, so ties are allowed. CLES is the common language \
-    effect size: the probability that the first kind gets the larger answer (McGraw and Wong 1992).";
-const READ_BINOMIAL: &str = "k of n answers name the stimulus. p comes from the exact binomial test against \
-    chance. It takes answers as independent. It is not corrected for the number of cells.";
-const READ_ABILITY: &str = "Abilities are on the log scale and sum to 0. A stimulus wins against another with \
-    probability 1 / (1 + exp(-d)), for a difference d (Bradley and Terry 1952). Intervals hold with 95 %.";
-const READ_STAIRCASE: &str = "The threshold is the mean level of the last reversals (Levitt 1971). sd is the \
-    standard deviation of these reversals. Medians and quartiles are over people.";
-const READ_QUEST: &str = "The threshold is the mean of the posterior, and sd its standard deviation (Watson \
-    2017). Medians and quartiles are over people.";
-const READ_FIT: &str = "Functions are fitted by maximum likelihood; brackets are 95 % profile intervals. The \
-    PSE has 50 % of the function's rise. The JND is half the distance from 25 % to 75 %. A small p of the \
-    deviance speaks against the function (Wichmann and Hill 2001). Answers of all people are taken as \
+const READ_NUMBERS: &str = "\
+    n counts people. A person's value is the mean of their answers in the cell. Missing people gave no \
+    answer there. Quartiles are interpolated (Hyndman and Fan 1996, type 7). Whiskers of the picture end \
+    at the last value within 1.5 box lengths (Tukey 1977).";
+const READ_SKEWNESS: &str = "\
+    Z and p are those of the two-sided skewness test (D'Agostino 1970). A small p speaks against a \
+    normal distribution. Declared tests use ranks and do not need one.";
+const READ_SHARES: &str = "\
+    n counts answers. The interval holds the true share with 95 % confidence (Wilson 1927). It takes \
+    answers as independent.";
+const READ_FRIEDMAN: &str = "\
+    n counts people. The statistic is chi-square, corrected for ties (Friedman 1937). W is Kendall's \
+    coefficient of concordance: 0 is no agreement, 1 is full agreement. *Left out* counts people without \
+    an answer to each kind.";
+const READ_WILCOXON: &str = "\
+    n counts differences that are not zero (Wilcoxon 1945). *Zeros* counts the others. *Left out* counts \
+    people without both answers. The rank sum is the smaller one if two-sided, else that of positive \
+    differences. *Exact with ties* takes the midranks of the sample. CLES is the probability that the \
+    first kind gets the larger answer: the common language effect size (McGraw and Wong 1992).";
+const READ_BINOMIAL: &str = "\
+    k of n answers name the stimulus. p comes from the exact binomial test against chance. It takes \
+    answers as independent. It is not corrected for the number of cells.";
+const READ_ABILITY: &str = "\
+    Abilities are on the log scale and sum to 0. With a difference d, a stimulus wins with probability 1 \
+    / (1 + exp(-d)) (Bradley and Terry 1952). The intervals have 95 % confidence. They take answers as \
     independent.";
+const READ_STAIRCASE: &str = "\
+    The threshold is the mean level of the last reversals (Levitt 1971). sd is the standard deviation of \
+    these reversals. Medians and quartiles are over people.";
+const READ_QUEST: &str = "\
+    The threshold is the mean of the posterior (Watson 2017). sd is the posterior's standard deviation. \
+    Medians and quartiles are over people.";
+const READ_FIT: &str = "\
+    Functions are fitted by maximum likelihood, with 95 % profile intervals. *Open* is an end that the \
+    answers do not fix. The PSE has 50 % of the function's rise. The JND is half the distance from 25 % \
+    to 75 %. A small p of the deviance speaks against the function (Wichmann and Hill 2001). Answers are \
+    taken as independent, also those of one person.";
 
 impl Analysis {
     /// The report in Markdown. `folder` is the path from the report to the pictures, such as `pictures/`.

@@ -36,10 +36,13 @@ fn paper(person: &str) -> Experiment {
     let similar = scale("similar", "not at all similar", "extremely similar");
     parse(&format!(
         "Experiment(version: 1, title: \"Textures of two models\", participants: 25, seed: 7, {person}
-        factors: {{\"texture\": {TEXTURES:?}, \"novel\": [\"Felt\", \"Glass\", \"Cork\", \"Rug\"], \"base\": [{base}]}},
-        stimuli: {{\"Real\": real(mount: \"{{texture}}\"), \"AR\": graph(file: \"ar.ron\"), \"NN\": graph(file: \"nn.ron\")}},
+        factors: {{\"texture\": {TEXTURES:?}, \"base\": [{base}],
+            \"novel\": [\"Felt\", \"Glass\", \"Cork\", \"Rug\"]}},
+        stimuli: {{\"Real\": real(mount: \"{{texture}}\"), \"AR\": graph(file: \"ar.ron\"),
+            \"NN\": graph(file: \"nn.ron\")}},
         parts: [
-            (name: \"similarity\", over: [\"texture\"], show: [(\"AR\", \"Real\"), (\"NN\", \"Real\"), (\"NN\", \"AR\")],
+            (name: \"similarity\", over: [\"texture\"],
+             show: [(\"AR\", \"Real\"), (\"NN\", \"Real\"), (\"NN\", \"AR\")],
              ask: [{similar}],
              tests: [friedman(of: \"similar\", each: [\"texture\"],
                  pairs: [(\"NN-Real\", \"AR-Real\"), (\"NN-Real\", \"NN-AR\")])]),
@@ -47,13 +50,15 @@ fn paper(person: &str) -> Experiment {
              ask: [which(name: \"closer\", text: \"Which is closer to the reference?\")],
              tests: [binomial(of: \"closer\", chosen: \"NN\", each: [\"texture\"], alternative: greater),
                  bradley_terry(of: \"closer\")]),
-            (name: \"adjectives\", over: {{\"texture\": [{base}]}}, show: [\"Real\", \"AR\", \"NN\"], sides: right,
+            (name: \"adjectives\", over: {{\"texture\": [{base}]}},
+             show: [\"Real\", \"AR\", \"NN\"], sides: right,
              ask: [{}, {}],
              tests: [friedman(of: \"rough\", each: [\"texture\"], correction: holm),
                  wilcoxon(of: \"hard\", pairs: [(\"AR\", \"NN\")])]),
             (name: \"novel\", over: [\"novel\", \"base\"], show: [(\"NN\", \"AR\")], ask: [{similar}]),
         ],
-        survey: [scale(name: \"difficulty\", text: \"How hard was part 1?\", from: 1, to: 5, low: \"easy\", high: \"hard\"),
+        survey: [scale(name: \"difficulty\", text: \"How hard was part 1?\", from: 1, to: 5,
+                low: \"easy\", high: \"hard\"),
             text(name: \"strategy\", text: \"How did you decide?\")],
         )",
         scale("rough", "rough", "smooth"),
@@ -318,7 +323,7 @@ fn poor_data_give_reasons_and_no_panic() {
         tests: [binomial(of: \"w\", chosen: \"x\"), bradley_terry(of: \"w\")],";
     let studies = [
         paper(none),
-        rated(none, "friedman(of: \"r\"), wilcoxon(of: \"r\")"),
+        rated(none, "friedman(of: \"r\"), wilcoxon(of: \"r\"), wilcoxon(of: \"r\", alternative: greater)"),
         experiment("", which),
         varied(stairs),
         varied("constant(levels: [1.0, 2.0], each: 1)"),
@@ -329,7 +334,10 @@ fn poor_data_give_reasons_and_no_panic() {
             let analysis = Analysis::new(study, &table, &sessions);
             let report = analysis.report("pictures/");
             assert!(!report.contains("NaN") && !report.contains("inf "), "{report}");
-            assert!(analysis.p_values().iter().all(|found| found.p.is_some() || !found.is_significant));
+            let found = analysis.p_values();
+            assert!(found.iter().all(|found| found.p.is_some() || !found.is_significant));
+            let names: BTreeSet<&str> = found.iter().map(|found| found.name.as_str()).collect();
+            assert_eq!(names.len(), found.len());
             assert!(people > 0 || analysis.pictures().is_empty());
             serde_json::to_string(&analysis).unwrap();
         }
