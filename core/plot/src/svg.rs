@@ -10,6 +10,7 @@ font-size:12px;fill:#52606d}\
 .head{font-size:13px;font-weight:600;fill:#323f4b}\
 .small{font-size:11px}\
 .ink{fill:#323f4b}\
+.light{fill:#fff}\
 .port{font-size:10.5px;fill:#6b7f90}\
 .wire{font-size:10.5px;fill:#44566a;paint-order:stroke;stroke:#fff;stroke-width:3px;stroke-linejoin:round}";
 
@@ -181,9 +182,33 @@ pub(super) fn fitting(text: &str, width: f64, size: f64) -> String {
     kept.trim_end().to_owned() + "…"
 }
 
+/// Lines of whole words that fit a width in pixels at a font size. The last takes what is left, cut to the
+/// width.
+pub(super) fn wrapped(text: &str, width: f64, size: f64, most: usize) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let full = |line: &str, word: &str| text_width(&format!("{line} {word}"), size) > width;
+    for word in text.split_whitespace() {
+        let count = lines.len();
+        match lines.last_mut() {
+            Some(line) if count >= most.max(1) || !full(line, word) => *line += &format!(" {word}"),
+            _ => lines.push(word.to_owned()),
+        }
+    }
+    lines.iter().map(|line| fitting(line, width, size)).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn words_wrap_and_the_last_line_is_cut() {
+        assert_eq!(wrapped("Polyethylene foam", 90.0, 11.0, 3), ["Polyethylene", "foam"]);
+        assert_eq!(wrapped("", 90.0, 11.0, 3), [""; 0]);
+        let lines = wrapped("one two three four", 30.0, 11.0, 2);
+        assert_eq!((lines.len(), lines[0].as_str()), (2, "one"));
+        assert!(lines[1].starts_with("two") || lines[1].ends_with('…'), "{lines:?}");
+    }
 
     #[test]
     fn numbers_are_short_and_always_valid() {

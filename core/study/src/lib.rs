@@ -6,9 +6,12 @@
 //! - [`Conduct`]: a session as a state machine, with both screens.
 //! - [`log`]: events on disk, one line of JSON each.
 //! - [`Person`]: a simulated participant.
-//! - [`Table`]: answers in long form.
+//! - [`Table`]: answers in long form, also as CSV and TSV.
+//! - [`Analysis`](analysis::Analysis): descriptions, tests, thresholds, with a report and pictures.
 
+pub mod analysis;
 mod conduct;
+mod export;
 mod file;
 pub mod log;
 mod person;
@@ -20,7 +23,9 @@ mod test;
 #[cfg(test)]
 mod testing;
 
+pub use analysis::Analysis;
 pub use conduct::{Conduct, Felt, Given, Press, Refused};
+pub use export::sidecar;
 pub use file::{
     Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,
 };
