@@ -3,12 +3,14 @@
 //! - [`Experiment`]: the file that declares stimuli, parts, questions and tests.
 //! - [`Trial`]: a planned trial. A participant's plan follows from file, seed and number alone.
 //! - [`Progress`]: a participant's way through the plan, also of adaptive methods.
+//! - [`Conduct`]: a session as a state machine, with both screens.
 //! - [`log`]: events on disk, one line of JSON each.
 //! - [`Person`]: a simulated participant.
 //! - [`Table`]: answers in long form, also as CSV and TSV.
-//! - [`Analysis`](analysis::Analysis): descriptions, tests, thresholds, with a report and pictures.
+//! - [`Analysis`]: descriptions, tests, thresholds, with a report and pictures.
 
 pub mod analysis;
+mod conduct;
 mod export;
 mod file;
 pub mod log;
@@ -22,6 +24,7 @@ mod test;
 mod testing;
 
 pub use analysis::Analysis;
+pub use conduct::{Conduct, Felt, Given, Press, Refused};
 pub use export::sidecar;
 pub use file::{
     Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,

@@ -37,23 +37,25 @@ pub enum Event {
         /// Level of its varied parameter.
         level: Option<f64>,
     },
-    /// A stimulus begins or ends, in samples and ticks of the sound card's clock.
+    /// What is felt changes, in ticks and samples of the sound card's clock.
     Stimulus {
         /// Number of the trial.
         trial: usize,
-        /// Whether it begins.
-        begins: bool,
-        /// First tick that plays it, or the first that does not.
+        /// Place of the stimulus, from 0 for the left one. `None`: nothing is felt.
+        place: Option<usize>,
+        /// First tick that plays it.
         tick: u64,
-        /// Sample of that tick.
+        /// First sample of that tick.
         sample: u64,
     },
     /// Inputs of ticks: what a replay needs.
     Inputs {
         /// First tick.
         tick: u64,
-        /// Values of each input, by node: little-endian f32 in base64, one row a tick.
-        values: Vec<(String, String)>,
+        /// Output of the hand, such as `position`.
+        output: String,
+        /// Its values: little-endian f32 in base64, one row a tick.
+        values: String,
     },
     /// A parameter changes.
     Parameter {
@@ -79,6 +81,9 @@ pub enum Event {
         trial: usize,
         /// Reason for people.
         why: String,
+        /// Answers that were given nevertheless.
+        #[serde(default)]
+        answers: Vec<(String, Answer)>,
     },
     /// Answers to the survey.
     Survey {
@@ -98,7 +103,11 @@ pub enum Event {
 
 /// Appends events to a file. Each is on disk before [`append`](Self::append) returns.
 #[derive(Debug)]
-pub struct Log(File);
+pub struct Log {
+    file: File,
+    /// Bytes of whole events. What a failed append left behind them is cut off by the next one.
+    end: u64,
+}
 
 impl Log {
     /// Opens a log to append to it, or makes one. A torn last line, which a power cut leaves, is cut off.
@@ -108,7 +117,7 @@ impl Log {
     /// A file that cannot be opened; a whole line that is no event, with its number.
     pub fn open(path: &Path) -> Result<(Self, Vec<Event>), Diagnostic> {
         let cannot = |e: io::Error| Diagnostic::new(format!("cannot write the log: {e}")).in_file(path);
-        let mut file = OpenOptions::new()
+        let file = OpenOptions::new()
             .read(true)
             .write(true)
             .create(true)
@@ -118,24 +127,37 @@ impl Log {
         let text = io::read_to_string(&file).map_err(cannot)?;
         let whole = text.rfind('\n').map_or(0, |at| at + 1);
         let events = parse(&text[..whole]).map_err(|e| e.in_file(path))?;
-        file.set_len(whole as u64).map_err(cannot)?;
-        file.seek(SeekFrom::End(0)).map_err(cannot)?;
-        file.sync_all().map_err(cannot)?;
-        Ok((Self(file), events))
+        let it = Self { file, end: whole as u64 };
+        it.file.set_len(it.end).and_then(|()| it.file.sync_all()).map_err(cannot)?;
+        Ok((it, events))
     }
 
     /// Appends an event and waits until it is on disk.
     ///
     /// # Errors
-    /// A full disk and other reasons of the system. The line is cut off again then, if the system lets it.
+    /// A full disk and other reasons of the system. Nothing is appended then.
     pub fn append(&mut self, event: &Event) -> io::Result<()> {
-        let mut line = serde_json::to_string(event)?;
-        line.push('\n');
-        let end = self.0.stream_position()?;
-        let written = self.0.write_all(line.as_bytes()).and_then(|()| self.0.sync_data());
-        if written.is_err() {
-            self.0.set_len(end)?;
-            self.0.seek(SeekFrom::Start(end))?;
+        self.append_all([event])
+    }
+
+    /// Appends several events at once; see [`append`](Self::append). None is there if it fails.
+    ///
+    /// # Errors
+    /// Those of [`append`](Self::append).
+    pub fn append_all<'e>(&mut self, events: impl IntoIterator<Item = &'e Event>) -> io::Result<()> {
+        let mut lines = String::new();
+        for event in events {
+            lines += &serde_json::to_string(event)?;
+            lines.push('\n');
+        }
+        let Self { file, end } = self;
+        file.set_len(*end)?;
+        file.seek(SeekFrom::Start(*end))?;
+        let written = file.write_all(lines.as_bytes()).and_then(|()| file.sync_data());
+        match written {
+            Ok(()) => *end += lines.len() as u64,
+            // Now, so that readers do not see it; else the next append does it.
+            Err(_) => _ = file.set_len(*end),
         }
         written
     }

@@ -129,6 +129,11 @@ impl<'e> Progress<'e> {
         self.ahead.len()
     }
 
+    /// Trials of a part still to show, at most.
+    pub fn left_in(&self, part: usize) -> usize {
+        self.ahead.iter().filter(|number| self.trials[**number].part == part).count()
+    }
+
     /// The trial to show now. `None`: all are answered.
     pub fn step(&mut self) -> Option<Step> {
         loop {

@@ -133,7 +133,7 @@ impl Table {
                     progress.answer(answers);
                     shown += 1;
                 }
-                Event::Marked { trial, why } => {
+                Event::Marked { trial, why, .. } => {
                     progress.check(*trial)?;
                     self.excluded.push((who.clone(), *trial, why.clone()));
                     progress.mark();

@@ -8,6 +8,7 @@ use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 
 use asperity_audio::{OpenError, Request};
+use asperity_engine::Finished;
 use asperity_node::{Diagnostic, Fact};
 
 use crate::driver::{Clock, Controls, Driver, Options, callback, choose, paced, timer};
@@ -102,6 +103,7 @@ pub struct Session {
     /// Name of the device for a person, kept while it is lost.
     name: String,
     notices: Vec<String>,
+    finished: Vec<Finished>,
     looked: Instant,
     views: u64,
     /// Xruns of earlier streams, and the loop's count when the open one began.
@@ -152,6 +154,7 @@ impl Session {
             loss: None,
             name: String::new(),
             notices: Vec::new(),
+            finished: Vec::new(),
             looked: Instant::now(),
             views: 0,
             xruns: [0; 2],
@@ -214,7 +217,7 @@ impl Session {
     /// # Errors
     /// The system gives no thread.
     pub fn poll(&mut self) -> Result<Vec<String>, SessionError> {
-        self.graph_controller.collect();
+        self.finished.append(&mut self.graph_controller.collect());
         self.custody.poll();
         if let Some(reason) = self.card.as_ref().and_then(|card| card.stream.lost()).map(str::to_owned) {
             self.lose(&reason)?;
@@ -223,6 +226,11 @@ impl Session {
         self.come_back();
         self.tell_refusals();
         Ok(std::mem::take(&mut self.notices))
+    }
+
+    /// Swaps that the engine took over since the last call.
+    pub fn finished(&mut self) -> Vec<Finished> {
+        std::mem::take(&mut self.finished)
     }
 
     /// How the run stands.

@@ -1,9 +1,9 @@
 //! `asperity run`: plays a graph in real time.
 
 mod editor;
-mod hands;
+pub mod hands;
 mod recordings;
-mod reloader;
+pub mod reloader;
 mod renders;
 mod report;
 mod shows;

@@ -215,7 +215,7 @@ impl Order {
 }
 
 /// Refuses a graph that cannot replace the running one while it plays.
-fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
+pub fn fits(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
     let (tick, audio) = (running.tick_hz, running.audio_hz);
     let refused = |e: SwapError| Err(Failure::Machine(format!("the graph {e}")));
     if tick != next.tick_hz {

@@ -1,18 +1,19 @@
 //! `asperity study check`: counts of a study, and whether it can run.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_diagnostics::ron::{Kind, Value};
-use asperity_study::{Experiment, Method, StimulusKind, Trial};
+use asperity_graph::Schedule;
+use asperity_study::{Experiment, Matching, Method, StimulusKind};
 use serde_json::json;
 
-use super::experiment;
+use super::{experiment, stimulus};
+use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
-use crate::load::{self, GraphArgs, PluginArgs};
+use crate::load::{GraphArgs, PluginArgs};
 
 /// Count the trials and minutes of a study, check its balance, and load everything it plays
 ///
@@ -34,25 +35,18 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
     let loaded = load_all(&experiment, &args.plugins)?;
     print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
-    experiment.imbalances().iter().for_each(|told| warn(told));
+    experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
     Ok(())
 }
 
-/// Loads every stimulus of every trial, at the ends of varied parameters. Returns how many there are.
-fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Failure> {
-    let mut done = BTreeMap::new();
+/// Loads every stimulus of every trial, at the ends of varied parameters. All must fit one sound card and
+/// engine. Returns how many there are.
+pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Failure> {
+    let mut done = BTreeSet::new();
+    let mut first = None;
     for (number, part) in experiment.parts.iter().enumerate() {
-        for (cell, kind) in part.conditions() {
-            let trial = Trial {
-                part: number,
-                cell,
-                kind,
-                places: part.show[kind].clone(),
-                level: None,
-                track: None,
-                after_break: false,
-            };
-            for stimulus in part.show[kind].iter().chain(&part.reference) {
+        for trial in experiment.trials_of(number, 1) {
+            for stimulus in trial.places.iter().chain(&part.reference) {
                 let filled = experiment.shown(&trial, *stimulus);
                 let levels = match part.vary.as_ref().filter(|vary| vary.stimulus == *stimulus) {
                     None => vec![None],
@@ -61,11 +55,14 @@ fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Fail
                     }
                 };
                 for level in levels {
-                    let key = format!("{:?} {level:?}", described(&filled));
-                    if let std::collections::btree_map::Entry::Vacant(new) = done.entry(key) {
-                        new.insert(());
-                        load_one(&filled, level, plugins)
-                            .map_err(|failure| named(failure, experiment, *stimulus))?;
+                    if !done.insert(format!("{} {level:?}", described(&filled))) {
+                        continue;
+                    }
+                    let about = |failure| named(failure, experiment, *stimulus);
+                    let Some(schedule) = load_one(&filled, level, plugins).map_err(about)? else { continue };
+                    match &first {
+                        None => first = Some(schedule),
+                        Some(first) => fits(first, &schedule).map_err(about)?,
                     }
                 }
             }
@@ -100,30 +97,43 @@ fn described(kind: &StimulusKind) -> String {
     }
 }
 
-fn load_one(kind: &StimulusKind, level: Option<(&str, f64)>, plugins: &PluginArgs) -> Result<(), Failure> {
+/// The schedule of a stimulus that is a graph.
+fn load_one(
+    kind: &StimulusKind,
+    level: Option<(&str, f64)>,
+    plugins: &PluginArgs,
+) -> Result<Option<Schedule>, Failure> {
     match kind {
         StimulusKind::Graph { file, set } => {
-            let args = GraphArgs::plain(&super::found(file)?, plugins);
+            let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
             let mut kinds = Kinds::new(&plugins.plugin).looking();
-            let (mut graph, scene) = load::read(&args, &mut kinds)?;
-            for (key, value) in set {
-                let place = asperity_diagnostics::Place { source: value.source().clone(), span: key.span };
-                graph.set_value(&key.name, value.clone(), place, None)?;
-            }
-            if let Some((target, level)) = level {
-                let place = file.place();
-                graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
-            }
-            load::compile(&args, &mut kinds, graph, scene).map(|_| ())
+            let loaded = stimulus::load((file, set), level, 1.0, &args, &mut kinds)?;
+            Ok(Some(loaded.compiled.schedule))
         }
         StimulusKind::Clip { file } => {
-            let path = super::found(file)?;
-            hound::WavReader::open(&path)
-                .map(|_| ())
-                .map_err(|e| file.error(format!("this clip cannot be read: {e}")).into())
+            let clip = hound::WavReader::open(stimulus::found(file)?);
+            clip.map(|_| None).map_err(|e| file.error(format!("this clip cannot be read: {e}")).into())
         }
-        StimulusKind::Real { .. } | StimulusKind::Silence => Ok(()),
+        StimulusKind::Real { .. } | StimulusKind::Silence => Ok(None),
     }
+}
+
+/// What `study run` cannot do yet, in sentences: it refuses such a study.
+pub fn not_yet(experiment: &Experiment) -> Vec<String> {
+    let mut found = Vec::new();
+    for part in &experiment.parts {
+        let name = &part.name;
+        if part.show.iter().any(|kind| kind.len() > 2) {
+            found.push(format!("part `{name}`: more than two stimuli at a time cannot be felt yet"));
+        }
+        if part.level != Matching::Off {
+            found.push(format!("part `{name}`: levels cannot be matched yet"));
+        }
+    }
+    if experiment.stimuli.iter().any(|s| matches!(s.kind, StimulusKind::Clip { .. })) {
+        found.push("a clip cannot be played yet".into());
+    }
+    found
 }
 
 /// Adds which stimulus it is about.

@@ -1,27 +1,39 @@
 //! `asperity study`: studies with people.
 
+mod analyse;
 mod check;
+mod run;
+mod simulate;
+mod stimulus;
 
 use std::path::{Path, PathBuf};
 
-use asperity_diagnostics::ron::Value;
 use asperity_diagnostics::{Diagnostic, Source};
 use asperity_study::Experiment;
 use clap::Subcommand;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, wrong};
 
-/// Check a study with people
+/// Check, run, simulate and analyse a study with people
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Check(check::Args),
+    Run(Box<run::Args>),
+    Simulate(simulate::Args),
+    Analyse(analyse::Args),
 }
 
 pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Check(args) => check::run(args),
+        Command::Run(args) => run::run(args),
+        Command::Simulate(args) => simulate::run(args),
+        Command::Analyse(args) => analyse::run(args),
     }
 }
+
+/// Copy of the experiment file in a study's folder.
+const COPY: &str = "experiment.ron";
 
 /// Reads an experiment file.
 fn experiment(path: &Path) -> Result<Experiment, Failure> {
@@ -33,11 +45,18 @@ fn experiment(path: &Path) -> Result<Experiment, Failure> {
     Ok(Experiment::parse(&source)?)
 }
 
-/// Path of a stimulus's file: beside the experiment, or a shipped one.
-fn found(file: &Value) -> Result<PathBuf, Failure> {
-    let named = Path::new(file.text()?);
-    match crate::shipped::file(named).filter(|_| !named.exists()) {
-        Some(shipped) => Ok(shipped),
-        None => Ok(file.path()?),
+/// Logs in a study's folder, in the order of their names.
+fn logs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
+    let unreadable = |e: std::io::Error| wrong(folder, format!("cannot read this folder: {e}"), FOLDER);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(unreadable)? {
+        let path = entry.map_err(unreadable)?.path();
+        if path.extension().is_some_and(|ending| ending == "jsonl") {
+            found.push(path);
+        }
     }
+    found.sort();
+    Ok(found)
 }
+
+const FOLDER: &str = "the output folder of `asperity study run` or `simulate` has the logs of participants";

@@ -1,0 +1,468 @@
+//! `asperity study run`: a participant's session, with screens, a hand and a sound card.
+
+use std::collections::BTreeMap;
+use std::net::IpAddr;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
+
+use asperity_diagnostics::{Diagnostic, file};
+use asperity_engine::Options;
+use asperity_live::view::{Condition, View};
+use asperity_live::{Session, prepare_live};
+use asperity_node::Role;
+use asperity_page::{Screen, Who, screen};
+use asperity_study::log::{Event, Log};
+use asperity_study::{Conduct, Experiment, Felt, Press, StimulusKind};
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use serde_json::{Value, json};
+use time::OffsetDateTime;
+use time::format_description::well_known::Rfc3339;
+
+use super::stimulus::{self, INPUT};
+use super::{COPY, check, experiment};
+use crate::card::{self, DeviceArgs};
+use crate::commands::run::hands::{self, Hands};
+use crate::failure::{Failure, complain, print, warn, wrong};
+use crate::kinds::Kinds;
+use crate::load::{GraphArgs, Loaded, PluginArgs};
+use crate::number::whole;
+use crate::output::write_text;
+
+/// Run a study with one participant: two screens, a hand and a sound card
+///
+/// Open both printed addresses: one for the participant, one for the experimenter. Everything is logged to
+/// OUT/PARTICIPANT.jsonl. After a crash or a power cut, the same command goes on with the next trial.
+#[derive(Clone, Debug, clap::Args)]
+#[command(mut_args = crate::number::may_be_negative)]
+#[command(after_help = crate::commands::examples(&[
+    "asperity study run graphs/studies/heravi2024.ron --participant P07 --hand openhaptics",
+    "asperity study run mine.ron --participant P01 --device simulated --input stroke.csv --loop",
+]))]
+pub struct Args {
+    /// Experiment file
+    #[arg(value_name = "EXPERIMENT.ron", value_parser = crate::shipped::path())]
+    pub file: PathBuf,
+    /// Code of the participant: letters, digits, - and _
+    #[arg(long, value_name = "CODE")]
+    pub participant: String,
+    /// Number of the participant, from 1; by default the digits at the end of the code
+    #[arg(long, value_name = "N", value_parser = whole(1_u32, 10_000, ""))]
+    pub number: Option<u32>,
+    /// Folder of the study; by default out/ and the name of the experiment file
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Let a hand device move the stylus, such as openhaptics or osc
+    #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
+    pub hand: Option<String>,
+    /// Play this recorded stroke instead of a hand, to try a study out
+    #[arg(long, value_name = "STROKE.csv", value_parser = crate::shipped::path())]
+    pub input: Option<PathBuf>,
+    /// Repeat the recorded stroke
+    #[arg(long = "loop", requires = "input")]
+    pub repeat: bool,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// Serve the screens at this address of the machine, for a tablet or another computer
+    #[arg(long, value_name = "ADDRESS")]
+    pub bind: Option<IpAddr>,
+    #[command(flatten)]
+    pub plugins: PluginArgs,
+}
+
+/// How often screens and stimuli are looked after.
+const PACE: Duration = Duration::from_millis(5);
+/// Half the width of the strip between left and right in which nothing changes [mm].
+const MIDDLE_MM: f32 = 1.0;
+/// Ticks of a line of inputs in the log.
+const INPUT_TICKS: u64 = 2500;
+
+/// Largest file of a stimulus.
+const MOST_BYTES: u64 = 64 << 20;
+
+pub fn run(args: &Args) -> Result<(), Failure> {
+    let experiment = experiment(&args.file)?;
+    let number = number(args)?;
+    experiment.imbalances().iter().for_each(|told| warn(told));
+    if let [first, ..] = check::not_yet(&experiment).as_slice() {
+        return Err(wrong(&args.file, first, "`asperity study check` says what else"));
+    }
+    if experiment.masking.is_some() {
+        warn("masking noise is not played yet: play it by other means");
+    }
+    check::load_all(&experiment, &args.plugins)?;
+    let folder = folder(args);
+    std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
+    keep_copy(&folder, &experiment)?;
+    let path = folder.join(format!("{}.jsonl", args.participant));
+    let (mut log, events) = Log::open(&path)?;
+    let mut seed = [0; 8];
+    getrandom::fill(&mut seed).map_err(|e| Failure::Machine(format!("no random numbers: {e}")))?;
+    let mut conduct = Conduct::new(&experiment, number, &events, u64::from_le_bytes(seed))?;
+    if conduct.is_over() {
+        return print(&format!("participant {} has answered everything\n", args.participant));
+    }
+    let mut stage = Stage::begin(args, &experiment)?;
+    append(&mut log, &path, &[begun(args, &experiment, number)?])?;
+    let open = |who, name: &str| {
+        let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
+        let screen = screen(options, who);
+        let screen = screen.map_err(|e| Failure::Machine(format!("cannot serve the screens: {e}")))?;
+        screen.urls().iter().for_each(|url| complain(&format!("{name} {url}\n")));
+        Ok::<_, Failure>(screen)
+    };
+    let participant = open(Who::Participant, "the participant's screen: ")?;
+    let experimenter = open(Who::Experimenter, "the experimenter's screen:")?;
+    let screens = [participant, experimenter];
+    let outcome = stage.play(&experiment, &mut conduct, &mut log, &path, &screens);
+    stage.session.stop();
+    outcome?;
+    if conduct.is_over() {
+        return print(&format!("participant {} has answered everything\n", args.participant));
+    }
+    print(&format!("the session is not over; the same command goes on: {}\n", path.display()))
+}
+
+/// Number of the participant: as asked for, or from the code.
+fn number(args: &Args) -> Result<u32, Failure> {
+    let code = &args.participant;
+    let fits = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+    if code.is_empty() || !code.chars().all(fits) {
+        return Err(wrong("--participant", format!("`{code}` is no code"), "letters, digits, - and _"));
+    }
+    if let Some(number) = args.number {
+        return Ok(number);
+    }
+    let digits = code.trim_start_matches(|c: char| !c.is_ascii_digit());
+    digits.parse().ok().filter(|n| *n > 0).ok_or_else(|| {
+        wrong("--participant", format!("`{code}` does not end with a number"), "--number 7 says it")
+    })
+}
+
+fn folder(args: &Args) -> PathBuf {
+    let name = args.file.file_stem().unwrap_or_default();
+    args.out.clone().unwrap_or_else(|| Path::new("out").join(name))
+}
+
+/// Keeps a copy of the experiment in the folder. Another one is refused: its answers would not join.
+fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
+    let copy = folder.join(COPY);
+    match std::fs::read_to_string(&copy) {
+        Ok(text) if text == experiment.source.text() => Ok(()),
+        Ok(_) => {
+            let help = "take another folder: --out";
+            Err(wrong(copy, "the experiment file has changed since people took part", help))
+        }
+        Err(_) => write_text(&copy, experiment.source.text()),
+    }
+}
+
+/// The first event of a session: versions, and hashes of the files that trials depend on.
+fn begun(args: &Args, experiment: &Experiment, number: u32) -> Result<Event, Failure> {
+    let mut paths = vec![experiment.source.path().to_owned()];
+    for stimulus in &experiment.stimuli {
+        if let Some((file, _)) = stimulus::graph_of(&stimulus.kind)
+            && let Ok(path) = stimulus::found(file)
+            && path.is_file()
+        {
+            paths.push(path);
+        }
+    }
+    let mut files = Vec::new();
+    for path in paths {
+        let bytes = file::read(&path, MOST_BYTES)?;
+        let hash = asperity_diagnostics::fnv(&bytes);
+        files.push((path.display().to_string(), format!("{hash:016x}")));
+    }
+    let now = OffsetDateTime::now_utc().format(&Rfc3339).unwrap_or_default();
+    Ok(Event::Begin {
+        study: experiment.title.clone(),
+        participant: args.participant.clone(),
+        number,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        files,
+        at: now,
+    })
+}
+
+fn append(log: &mut Log, path: &Path, events: &[Event]) -> Result<(), Failure> {
+    log.append_all(events).map_err(|e| Failure::writing(path, e))
+}
+
+/// What is felt: a trial's number, its place and level; `None` for nothing.
+type Key = Option<(usize, usize, Option<u64>)>;
+
+/// A running session, and what it plays.
+struct Stage {
+    args: GraphArgs,
+    kinds: Kinds,
+    session: Session,
+    _hands: Hands,
+    /// The stimulus that is played when nothing is felt, as a gain of 0.
+    quiet: StimulusKind,
+    /// What plays, and what was sent last.
+    now: Key,
+    sent: Option<(u64, Key)>,
+    /// Place of the stylus, and the values of each output of the hand that are not logged yet.
+    stylus_mm: [f32; 3],
+    inputs: BTreeMap<String, (u64, Vec<f32>)>,
+    /// Figures when the trial began.
+    before: Option<(usize, View)>,
+}
+
+impl Stage {
+    fn begin(args: &Args, experiment: &Experiment) -> Result<Self, Failure> {
+        let graph_args = GraphArgs {
+            hand: args.hand.clone(),
+            input: args.input.clone(),
+            repeat: args.repeat,
+            plugins: args.plugins.clone(),
+            ..GraphArgs::default()
+        };
+        let mut kinds = Kinds::new(&args.plugins.plugin).apart(true);
+        let quiet = first_graph(experiment)?;
+        let Loaded { graph, compiled, .. } = load(&quiet, None, 0.0, &graph_args, &mut kinds)?;
+        let schedule = &compiled.schedule;
+        let request = card::request(&args.device, schedule)?;
+        let mut hands = Hands::default();
+        let ids: Vec<String> = schedule.with_role(Role::Hand).map(|(_, node)| node.id.clone()).collect();
+        let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
+        let queues = std::mem::take(&mut opened.queues);
+        hands.go_on_with(opened, schedule);
+        let coils = card::coils(&args.device, schedule)?;
+        let options = card::options(&args.device, request, coils);
+        let (controller, player) =
+            prepare_live(compiled, &graph, Options::default(), queues, None, Vec::new());
+        let session = Session::start(controller, player, None, options);
+        let session = session.map_err(|e| card::not_opened(e, true))?;
+        Ok(Self {
+            args: graph_args,
+            kinds,
+            session,
+            _hands: hands,
+            quiet,
+            now: None,
+            sent: None,
+            stylus_mm: [0.0, 0.0, f32::INFINITY],
+            inputs: BTreeMap::new(),
+            before: None,
+        })
+    }
+
+    /// Serves the screens and plays stimuli until the session is over or asked to stop.
+    fn play(
+        &mut self,
+        experiment: &Experiment,
+        conduct: &mut Conduct<'_>,
+        log: &mut Log,
+        path: &Path,
+        screens: &[Screen; 2],
+    ) -> Result<(), Failure> {
+        let began = Instant::now();
+        loop {
+            for notice in self.session.poll().map_err(|e| card::not_opened(e, true))? {
+                complain(&format!("{notice}\n"));
+            }
+            let view = self.session.view();
+            self.listen();
+            self.judge(experiment, conduct, &view);
+            for (who, screen) in screens.iter().enumerate() {
+                while let Some(pressed) = screen.pressed() {
+                    let now_s = began.elapsed().as_secs_f64();
+                    let verdict = match self.press(&pressed.press, who, conduct, now_s) {
+                        Ok(events) => {
+                            let inputs = if events.is_empty() { Vec::new() } else { self.unlogged(0) };
+                            append(log, path, &[inputs, events].concat())?;
+                            Ok(())
+                        }
+                        Err(why) => Err(why),
+                    };
+                    pressed.answer(verdict);
+                }
+            }
+            let events = self.change(conduct)?;
+            append(log, path, &[self.unlogged(INPUT_TICKS), events].concat())?;
+            screens[0].show(conduct.participant());
+            let mut screen = conduct.experimenter();
+            screen["live"] = self.figures(&view);
+            screens[1].show(screen);
+            if conduct.is_over() || self.session.run_control().stopping() {
+                let last = self.unlogged(0);
+                return append(log, path, &last);
+            }
+            if !self.session.goes_on() {
+                return Err(Failure::Machine("the device is lost, or the engine failed".into()));
+            }
+            std::thread::sleep(PACE);
+        }
+    }
+
+    /// Takes a press: `mute` and `unmute` are the host's, all others the session's.
+    fn press(
+        &mut self,
+        press: &Value,
+        who: usize,
+        conduct: &mut Conduct<'_>,
+        now_s: f64,
+    ) -> Result<Vec<Event>, String> {
+        let word = press["press"].as_str().unwrap_or_default();
+        let is_participants = matches!(word, "next" | "answer");
+        if is_participants != (who == 0) {
+            return Err("this screen has no such button".into());
+        }
+        if matches!(word, "mute" | "unmute") {
+            self.session.run_control().mute(word == "mute");
+            return Ok(Vec::new());
+        }
+        let press: Press = serde_json::from_value(press.clone()).map_err(|e| e.to_string())?;
+        conduct.press(press, now_s).map_err(|e| e.to_string())
+    }
+
+    /// Reads what the hand's outputs were.
+    fn listen(&mut self) {
+        let (inputs, stylus) = (&mut self.inputs, &mut self.stylus_mm);
+        self.session.graph_controller().recorded(|recorded| {
+            let Some(output) = recorded.sink.strip_prefix(INPUT) else { return };
+            if output == "position"
+                && let Some(last) = recorded.values.last_chunk::<3>()
+            {
+                *stylus = *last;
+            }
+            let (_, values) = inputs.entry(output.to_owned()).or_insert((recorded.start, Vec::new()));
+            values.extend_from_slice(recorded.values);
+        });
+    }
+
+    /// Inputs that are not logged yet, if there are as many ticks.
+    fn unlogged(&mut self, least: u64) -> Vec<Event> {
+        let width = |output: &str| if output == "position" { 3 } else { 1 };
+        let ready = self.inputs.iter().any(|(name, (_, v))| v.len() as u64 / width(name) > least);
+        if !ready {
+            return Vec::new();
+        }
+        let line = |(output, (tick, values)): (String, (u64, Vec<f32>))| {
+            let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
+            Event::Inputs { tick, output, values: BASE64_STANDARD.encode(bytes) }
+        };
+        std::mem::take(&mut self.inputs).into_iter().map(line).collect()
+    }
+
+    /// Marks a trial in which deadlines were missed, the graph failed or the device was lost.
+    fn judge(&mut self, experiment: &Experiment, conduct: &mut Conduct<'_>, view: &View) {
+        let Some((number, _)) = conduct.shown() else {
+            self.before = None;
+            return;
+        };
+        if self.before.as_ref().is_none_or(|(of, _)| *of != number) {
+            self.before = Some((number, view.clone()));
+        }
+        let Some((_, before)) = &self.before else { return };
+        let ticks = view.ticks.saturating_sub(before.ticks).max(1) as f64;
+        let missed = view.timing.misses.saturating_sub(before.timing.misses) as f64 / ticks;
+        // A single late tick of a trial that has just begun is no share of it.
+        if missed > experiment.missed && missed * ticks >= 2.0 {
+            conduct.spoil(&format!("{:.1} % of the deadlines were missed", 100.0 * missed));
+        }
+        if view.faults > before.faults {
+            conduct.spoil("a node of the graph failed");
+        }
+        if view.losses > before.losses || view.condition == Condition::Lost {
+            conduct.spoil("the device was lost");
+        }
+    }
+
+    /// Swaps to the stimulus under the stylus, while it is in the air. Returns what to log.
+    fn change(&mut self, conduct: &Conduct<'_>) -> Result<Vec<Event>, Failure> {
+        let mut events = Vec::new();
+        let schedule = self.session.graph_controller().schedule().clone();
+        for finished in self.session.finished() {
+            if let Some((_, key)) = self.sent.take_if(|(swap, _)| *swap == finished.number) {
+                let sample = u128::from(finished.tick) * u128::from(schedule.audio_hz);
+                let sample = (sample / u128::from(schedule.tick_hz)) as u64;
+                let trial = key.or(self.now).map_or(0, |(trial, ..)| trial);
+                let place = key.map(|(_, place, _)| place);
+                events.push(Event::Stimulus { trial, place, tick: finished.tick, sample });
+                self.now = key;
+            }
+        }
+        let is_in_air = self.stylus_mm[2] >= 0.0;
+        let felt = self.under_the_stylus(conduct);
+        let trial = conduct.shown().map(|(number, _)| number);
+        let key = trial.zip(felt.as_ref()).map(|(trial, felt)| {
+            (trial, felt.place, felt.vary.as_ref().map(|(_, level)| level.to_bits()))
+        });
+        if key == self.now || self.sent.is_some() || !is_in_air || !self.session.graph_controller().ready() {
+            return Ok(events);
+        }
+        let Loaded { graph, compiled, .. } = match &felt {
+            Some(Felt { kind, vary, .. }) if stimulus::graph_of(kind).is_some() => {
+                let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
+                load(kind, vary, 1.0, &self.args, &mut self.kinds)?
+            }
+            _ => load(&self.quiet, None, 0.0, &self.args, &mut self.kinds)?,
+        };
+        let controller = self.session.graph_controller();
+        match controller.swap(compiled, &graph, &[], Default::default(), Vec::new()) {
+            Ok(report) => self.sent = Some((report.number, key)),
+            Err(asperity_engine::SwapError::Busy) => (),
+            Err(e) => return Err(Failure::Machine(format!("the stimulus {e}"))),
+        }
+        Ok(events)
+    }
+
+    /// What is felt at the stylus's place. In the strip between the sides, what was felt before.
+    fn under_the_stylus(&self, conduct: &Conduct<'_>) -> Option<Felt> {
+        let mut felt = conduct.felt();
+        let x = self.stylus_mm[0];
+        let side = match (x < -MIDDLE_MM, x > MIDDLE_MM, self.now) {
+            (true, ..) => 0,
+            (_, true, _) => 1,
+            (_, _, Some((_, place, _))) => place,
+            _ => 0,
+        };
+        let at = felt.iter().position(|felt| felt.place == side)?;
+        Some(felt.swap_remove(at))
+    }
+
+    /// Figures for the experimenter.
+    fn figures(&self, view: &View) -> Value {
+        let problem = match view.condition {
+            Condition::Lost => Some("the device is lost"),
+            Condition::Failed => Some("the engine failed"),
+            _ => None,
+        };
+        let place = self.stylus_mm.map(|x| if x.is_finite() { x } else { 0.0 });
+        json!({
+            "position_mm": place, "drive": view.peak, "misses": view.timing.misses, "faults": view.faults,
+            "muted": view.muted, "device": view.device, "problem": problem,
+        })
+    }
+}
+
+/// The first stimulus that is a graph: silence is played through its output.
+fn first_graph(experiment: &Experiment) -> Result<StimulusKind, Failure> {
+    for part in 0..experiment.parts.len() {
+        for trial in experiment.trials_of(part, 1) {
+            let shown = trial.places.iter().map(|s| experiment.shown(&trial, *s));
+            if let Some(kind) = shown.into_iter().find(|kind| stimulus::graph_of(kind).is_some()) {
+                return Ok(kind);
+            }
+        }
+    }
+    let what = "no stimulus is a graph: there is nothing to play";
+    Err(Diagnostic::new(what).in_file(experiment.source.path()).into())
+}
+
+fn load(
+    kind: &StimulusKind,
+    vary: Option<(&str, f64)>,
+    gain: f64,
+    args: &GraphArgs,
+    kinds: &mut Kinds,
+) -> Result<Loaded, Failure> {
+    match stimulus::graph_of(kind) {
+        Some(graph) => stimulus::load(graph, vary, gain, args, kinds),
+        None => Err(Failure::Machine("this stimulus is no graph".into())),
+    }
+}
