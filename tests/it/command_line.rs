@@ -62,7 +62,7 @@ fn part_of_a_material_offers_its_whole_names() {
 
 #[test]
 fn number_with_a_decimal_comma_is_told_of_the_point() {
-    let ran = Room::new().run("render graphs/texture.ron --seconds 0,5");
+    let ran = Room::new().run("run graphs/live.ron --seconds 0,5");
     ran.refused("'0,5'").says(&["with a decimal point"]);
 }
 

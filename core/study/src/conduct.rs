@@ -1,7 +1,7 @@
-//! A session as a state machine: what both screens show, what is felt, and what is logged.
+//! A session as a state machine: it decides about both screens, the stimuli and the log.
 //!
-//! It has no clock, no device and no file. A host passes on what people press, appends the events to the log
-//! before anything else happens, then shows the screens and plays the stimuli.
+//! It has no clock, no device and no file. A host hands it the presses of both people. It appends the events
+//! to the log, then shows the screens and plays the stimuli.
 
 use std::fmt;
 
@@ -83,7 +83,7 @@ pub enum Given {
     Text(String),
 }
 
-/// A press that does not fit what is shown; the session stays as it is.
+/// A press that does not fit the screen. The session stays as it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused(pub String);
 
@@ -93,7 +93,7 @@ impl fmt::Display for Refused {
     }
 }
 
-/// What is felt at one place.
+/// The stimulus at one place.
 #[derive(Clone, Debug)]
 pub struct Felt {
     /// Place: 0 left, 1 right; only with more stimuli further ones.
@@ -387,7 +387,7 @@ impl<'e> Conduct<'e> {
         self.token = format!("{:016x}", self.tokens.bits());
     }
 
-    /// What is felt now: nothing between trials and in a pause.
+    /// The stimuli that are felt now: none between trials and in a pause.
     pub fn felt(&self) -> Vec<Felt> {
         let Some(trial) = self.trial().filter(|_| !self.is_paused) else { return Vec::new() };
         let part = &self.experiment.parts[trial.part];

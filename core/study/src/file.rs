@@ -17,7 +17,7 @@ const WORD: &str = "Experiment";
 /// Most trials of a part.
 const MOST_TRIALS: u64 = 10_000;
 
-/// An experiment file: what people feel, what they are asked, and how the answers are tested.
+/// An experiment file: stimuli, questions and tests.
 ///
 /// ```ron
 /// Experiment(
@@ -48,9 +48,9 @@ pub struct Experiment {
     pub participants: u32,
     /// Seed of all orders and sides.
     pub seed: u64,
-    /// What varies over trials, such as the texture.
+    /// Things that vary over trials, such as the texture.
     pub factors: Vec<Factor>,
-    /// What a person may feel.
+    /// Things that a person may feel.
     pub stimuli: Vec<Stimulus>,
     /// Parts, in their order.
     pub parts: Vec<Part>,

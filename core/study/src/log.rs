@@ -37,7 +37,7 @@ pub enum Event {
         /// Level of its varied parameter.
         level: Option<f64>,
     },
-    /// What is felt changes, in ticks and samples of the sound card's clock.
+    /// Another stimulus is felt, in ticks and samples of the sound card's clock.
     Stimulus {
         /// Number of the trial.
         trial: usize,
@@ -105,7 +105,7 @@ pub enum Event {
 #[derive(Debug)]
 pub struct Log {
     file: File,
-    /// Bytes of whole events. What a failed append left behind them is cut off by the next one.
+    /// Bytes of whole events. The next append cuts off the rest of a failed one.
     end: u64,
 }
 

@@ -85,7 +85,7 @@ impl Experiment {
         self.stimuli[stimulus].filled(&|factor| self.level(trial, factor))
     }
 
-    /// What cannot be balanced with the planned number of participants, in sentences.
+    /// Conditions that cannot be balanced with the planned number of participants, in sentences.
     pub fn imbalances(&self) -> Vec<String> {
         let mut found = Vec::new();
         for part in &self.parts {

@@ -13,7 +13,7 @@ pub struct Question {
     pub name: String,
     /// Text on the screen.
     pub text: String,
-    /// What can be answered.
+    /// Possible answers.
     pub kind: QuestionKind,
     /// Its place in the file.
     pub place: Place,

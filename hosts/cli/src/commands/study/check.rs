@@ -118,7 +118,7 @@ fn load_one(
     }
 }
 
-/// What `study run` cannot do yet, in sentences: it refuses such a study.
+/// Parts of the file that `study run` does not support yet, in sentences: it refuses such a study.
 pub fn not_yet(experiment: &Experiment) -> Vec<String> {
     let mut found = Vec::new();
     for part in &experiment.parts {

@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let number = number(args)?;
     experiment.imbalances().iter().for_each(|told| warn(told));
     if let [first, ..] = check::not_yet(&experiment).as_slice() {
-        return Err(wrong(&args.file, first, "`asperity study check` says what else"));
+        return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
     }
     if experiment.masking.is_some() {
         warn("masking noise is not played yet: play it by other means");
@@ -190,10 +190,10 @@ fn append(log: &mut Log, path: &Path, events: &[Event]) -> Result<(), Failure> {
     log.append_all(events).map_err(|e| Failure::writing(path, e))
 }
 
-/// What is felt: a trial's number, its place and level; `None` for nothing.
+/// The stimulus that is felt: a trial's number, its place and level; `None` for nothing.
 type Key = Option<(usize, usize, Option<u64>)>;
 
-/// A running session, and what it plays.
+/// A running session with its stimulus.
 struct Stage {
     args: GraphArgs,
     kinds: Kinds,
@@ -201,7 +201,7 @@ struct Stage {
     _hands: Hands,
     /// The stimulus that is played when nothing is felt, as a gain of 0.
     quiet: StimulusKind,
-    /// What plays, and what was sent last.
+    /// The stimulus that plays, and the one that was sent last.
     now: Key,
     sent: Option<(u64, Key)>,
     /// Place of the stylus, and the values of each output of the hand that are not logged yet.
@@ -319,7 +319,7 @@ impl Stage {
         conduct.press(press, now_s).map_err(|e| e.to_string())
     }
 
-    /// Reads what the hand's outputs were.
+    /// Reads the recorded outputs of the hand.
     fn listen(&mut self) {
         let (inputs, stylus) = (&mut self.inputs, &mut self.stylus_mm);
         self.session.graph_controller().recorded(|recorded| {
@@ -372,7 +372,7 @@ impl Stage {
         }
     }
 
-    /// Swaps to the stimulus under the stylus, while it is in the air. Returns what to log.
+    /// Swaps to the stimulus under the stylus, while it is in the air. Returns events for the log.
     fn change(&mut self, conduct: &Conduct<'_>) -> Result<Vec<Event>, Failure> {
         let mut events = Vec::new();
         let schedule = self.session.graph_controller().schedule().clone();
@@ -411,7 +411,7 @@ impl Stage {
         Ok(events)
     }
 
-    /// What is felt at the stylus's place. In the strip between the sides, what was felt before.
+    /// The stimulus at the stylus's place. In the strip between the sides, the one before.
     fn under_the_stylus(&self, conduct: &Conduct<'_>) -> Option<Felt> {
         let mut felt = conduct.felt();
         let x = self.stylus_mm[0];

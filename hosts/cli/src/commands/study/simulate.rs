@@ -89,8 +89,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         json!({ "participants": people, "runs": count, "tests": tests.collect::<Vec<_>>(), "logs": written })
     };
     let text = || {
-        let mut out = format!("{}: {} in {}\n\n", experiment.title, plural(people as usize, "participant"),
-            plural(count, "simulated run"));
+        let mut out = format!(
+            "{}: {} in {}\n\n",
+            experiment.title,
+            plural(people as usize, "participant"),
+            plural(count, "simulated run")
+        );
         if powers.is_empty() {
             out += "no tests are declared\n";
         } else {
@@ -104,8 +108,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         }
         if let Some(folder) = &args.out {
             let folder = clean(&folder.display().to_string());
-            out += &format!("\nwrote {} of the first run; next: asperity study analyse {folder}\n",
-                plural(written, "log"));
+            out += &format!(
+                "\nwrote {} of the first run; next: asperity study analyse {folder}\n",
+                plural(written, "log")
+            );
         }
         out
     };

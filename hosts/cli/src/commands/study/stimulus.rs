@@ -18,7 +18,7 @@ pub const HAND: &str = "hand of the study";
 const GAIN: &str = "gain of the study";
 /// Prefix of the probes that record the hand's outputs.
 pub const INPUT: &str = "input of the study: ";
-/// Origin of what is added, in errors.
+/// Origin of added nodes, in errors.
 const ORIGIN: &str = "asperity study";
 
 /// Loads a graph or scene with a stimulus's settings. `vary`: the varied parameter with its level. `args`
