@@ -1,7 +1,7 @@
 //! Box plots, or bars with intervals, side by side in groups.
 
 use super::axis::{Axis, Panel};
-use super::svg::{COLOURS, Svg, fitting, legend, num, text_width, wrapped};
+use super::svg::{COLOURS, Svg, fitting, num, text_width, wrapped};
 
 /// A sample as it is drawn.
 #[derive(Clone, Debug, PartialEq)]
@@ -80,7 +80,7 @@ impl Boxes {
         let size = [LEFT + room + RIGHT, top + pitch * bands as f64];
         let mut svg = Svg::chart(size, LEFT, &self.title, &subtitles);
         if self.kinds.len() > 1 {
-            legend(&mut svg, [LEFT + inner, top - 12.0], self.kinds.iter().map(String::as_str));
+            self.legend(&mut svg, [LEFT + inner, top - 12.0]);
         }
         let (low, high) = self.range;
         if self.groups.is_empty() || !(low < high && (high - low).is_finite()) {
@@ -92,6 +92,16 @@ impl Boxes {
             self.band(&mut svg, groups, group, [top + HEIGHT, top]);
         }
         svg.finish()
+    }
+
+    /// Names with their fills, in a line that ends at a point.
+    fn legend(&self, svg: &mut Svg, [mut right, y]: [f64; 2]) {
+        for (kind, name) in self.kinds.iter().enumerate().rev() {
+            svg.text([right, y], "end", "ink", name);
+            right -= text_width(name, 12.0) + 20.0;
+            svg.rect([right, y - 10.0], [14.0, 11.0], &filled(kind));
+            right -= 18.0;
+        }
     }
 
     fn band(&self, svg: &mut Svg, groups: &[(String, Vec<Option<Spread>>)], width: f64, upward: [f64; 2]) {
@@ -128,13 +138,18 @@ impl Boxes {
     }
 }
 
+/// Colour of a kind. Fills differ in lightness, too, for prints in grey.
+fn filled(kind: usize) -> String {
+    let colour = COLOURS[kind % COLOURS.len()];
+    let shade = [0.08, 0.55, 0.28, 0.8][kind % COLOURS.len()];
+    format!("fill=\"{colour}\" fill-opacity=\"{shade}\" stroke=\"{colour}\"")
+}
+
 impl Spread {
     fn draw(&self, svg: &mut Svg, y: &Axis, middle: f64, width: f64, kind: usize) {
         let colour = COLOURS[kind % COLOURS.len()];
-        // Fills differ in lightness, too, for prints in grey.
-        let shade = [0.12, 0.45, 0.28, 0.6][kind % COLOURS.len()];
         let stroke = format!("stroke=\"{colour}\" stroke-width=\"1.4\" fill=\"none\"");
-        let fill = format!("fill=\"{colour}\" fill-opacity=\"{shade}\" stroke=\"{colour}\"");
+        let fill = filled(kind);
         let (left, cap) = (middle - width / 2.0, width / 4.0);
         let tee = |inner: f64, outer: f64| {
             let [inner, outer] = [inner, outer].map(|v| num(y.at(v)));

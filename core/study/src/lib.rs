@@ -7,7 +7,7 @@
 //! - [`log`]: events on disk, one line of JSON each.
 //! - [`Person`]: a simulated participant.
 //! - [`Table`]: answers in long form, also as CSV and TSV.
-//! - [`Analysis`](analysis::Analysis): descriptions, tests, thresholds, with a report and pictures.
+//! - [`Analysis`]: descriptions, tests, thresholds, with a report and pictures.
 
 pub mod analysis;
 mod conduct;

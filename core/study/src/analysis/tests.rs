@@ -96,7 +96,11 @@ fn answered(
                 }
                 None => {
                     progress.mark();
-                    events.push(Event::Marked { trial: step.number, why: "a knock".into(), answers: vec![] });
+                    events.push(Event::Marked {
+                        trial: step.number,
+                        why: "a knock".into(),
+                        answers: Vec::new(),
+                    });
                 }
             }
         }
