@@ -10,6 +10,8 @@
 mod expectations;
 mod ground;
 mod strokes;
+#[cfg(test)]
+mod texture_tests;
 
 use std::f64::consts::TAU;
 use std::ops::Range;
