@@ -33,6 +33,7 @@ mod scene_plot;
 mod selftest;
 mod shipped;
 mod strokes;
+mod study;
 mod texture;
 mod tradeoff;
 mod trust;

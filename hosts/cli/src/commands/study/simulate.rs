@@ -100,7 +100,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         } else {
             out += "power   95 % interval  made  test\n";
         }
-        for power in &powers {
+        // A post-hoc test that no run made says nothing.
+        for power in powers.iter().filter(|power| power.made > 0) {
             let [low, high] = of(power).map_or([f64::NAN; 2], |i| [i.low, i.high]);
             let share = power.significant as f64 / count as f64;
             let (name, made) = (clean(&power.name), power.made);
