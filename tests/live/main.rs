@@ -29,6 +29,7 @@ mod pulse_server;
 mod scene;
 mod simulated;
 mod socket;
+mod study_screens;
 mod watch;
 
 /// Counts allocations: `long` and `driver` ask it.

@@ -8,7 +8,7 @@ use std::fmt;
 use asperity_diagnostics::Diagnostic;
 use asperity_numbers::Random;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 
 use crate::file::{Experiment, Sides, StimulusKind, WORDS};
 use crate::log::Event;
@@ -352,18 +352,17 @@ impl<'e> Conduct<'e> {
         self.trial().map(|trial| trial.part)
     }
 
-    /// Samples to mount for the present trial, each with its place.
-    fn mounts(&self) -> Vec<(&'static str, String)> {
+    /// Samples to mount for the present trial, each with the word of its place.
+    fn mounts(&self) -> Vec<(String, String)> {
         let Some(trial) = self.trial() else { return Vec::new() };
         let part = &self.experiment.parts[trial.part];
-        let count = trial.places.len();
-        let mount = |place: &'static str, stimulus: usize| match self.experiment.shown(trial, stimulus) {
+        let mount = |(place, stimulus): (String, usize)| match self.experiment.shown(trial, stimulus) {
             StimulusKind::Real { mount } => mount.text().ok().map(|name| (place, name.to_owned())),
             _ => None,
         };
-        let shown =
-            trial.places.iter().enumerate().filter_map(|(at, s)| mount(side(part.sides, count, at), *s));
-        part.reference.and_then(|s| mount("reference", s)).into_iter().chain(shown).collect()
+        let reference = part.reference.map(|stimulus| (self.word("reference"), stimulus));
+        let shown = self.places().into_iter().zip(trial.places.iter().copied());
+        reference.into_iter().chain(shown).filter_map(mount).collect()
     }
 
     fn needs_mount(&self) -> bool {
@@ -433,26 +432,31 @@ impl<'e> Conduct<'e> {
             State::Wait => ("wait", self.word("wait")),
             State::Reference => ("reference", self.word("reference")),
             State::Explore => ("explore", self.word("explore")),
-            State::Survey => ("survey", String::new()),
+            State::Survey => ("survey", self.word("survey")),
             State::End => ("end", self.word("thanks")),
         };
         let asks = !self.is_paused && matches!(self.state, State::Explore | State::Survey);
         let questions: Vec<Value> =
             if asks { self.questions().iter().map(question).collect() } else { Vec::new() };
-        let places = match (self.trial().filter(|_| asks), self.part()) {
-            (Some(trial), Some(part)) => {
-                let (sides, count) = (self.experiment.parts[part].sides, trial.places.len());
-                (0..count).map(|at| self.place_word(side(sides, count, at), at)).collect()
-            }
-            _ => Vec::new(),
-        };
+        let places = if asks { self.places() } else { Vec::new() };
         let (number, count) = self.position();
         let trial = self.word("trial").replace("{number}", &number.to_string());
+        let words: Map<String, Value> = ["next", "same", "different", "lost", "space", "language"]
+            .map(|key| (key.to_owned(), self.word(key).into()))
+            .into_iter()
+            .collect();
         json!({
             "state": state, "text": text, "token": self.token, "questions": questions, "places": places,
             "sign": self.has_sign(), "trial": trial.replace("{count}", &count.to_string()),
-            "words": { "next": self.word("next"), "same": self.word("same"), "different": self.word("different") },
+            "words": words,
         })
+    }
+
+    /// Words of the trial's places, from left to right.
+    fn places(&self) -> Vec<String> {
+        let (Some(trial), Some(part)) = (self.trial(), self.part()) else { return Vec::new() };
+        let (sides, count) = (self.experiment.parts[part].sides, trial.places.len());
+        (0..count).map(|at| self.place_word(side(sides, count, at), at)).collect()
     }
 
     /// The word of a place, or a letter where there are more than two.
@@ -485,7 +489,8 @@ impl<'e> Conduct<'e> {
             State::End => "nobody",
             _ => "participant",
         };
-        let part = self.part().map(|part| self.experiment.parts[part].name.clone());
+        let part = self.part().map(|part| &self.experiment.parts[part]);
+        let reference = part.and_then(|part| part.reference).map(|s| &self.experiment.stimuli[s].name);
         let level_of = |(factor, level): &(usize, usize)| {
             let factor = &self.experiment.factors[*factor];
             (factor.name.clone(), factor.levels[*level].clone())
@@ -494,10 +499,11 @@ impl<'e> Conduct<'e> {
             self.trial().map_or(Vec::new(), |trial| trial.cell.iter().map(level_of).collect());
         let (number, count) = self.position();
         json!({
-            "title": self.experiment.title, "part": part, "number": number, "count": count,
-            "left": self.progress.left(), "waits_for": waits, "is_paused": self.is_paused,
-            "state": format!("{:?}", self.state).to_lowercase(), "mount": self.mounts(),
-            "levels": cell, "shown": self.shown_names(), "level": self.step.as_ref().and_then(|s| s.level),
+            "title": self.experiment.title, "part": part.map(|part| &part.name), "number": number,
+            "count": count, "left": self.progress.left(), "waits_for": waits, "is_paused": self.is_paused,
+            "state": format!("{:?}", self.state).to_lowercase(), "mount": self.mounts(), "levels": cell,
+            "shown": self.shown_names(), "places": self.places(), "reference": reference,
+            "level": self.step.as_ref().and_then(|s| s.level),
         })
     }
 }
@@ -744,5 +750,28 @@ mod tests {
             })
             .collect();
         assert_eq!((answered, shown), (1, vec![0, 1]));
+    }
+
+    #[test]
+    fn screens_have_the_words_of_the_file() {
+        let fields = "words: {\"language\": \"de\", \"lost\": \"Keine Verbindung.\", \"left\": \"Links\"},";
+        let part = "show: [(\"x\", \"z\")], sides: fixed, ask: [which(name: \"w\", text: \"Wo?\")]";
+        let study = crate::testing::experiment(fields, part);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        go_on(&mut conduct, &mut Random::new(1), 0.0);
+        let screen = conduct.participant();
+        let words = &screen["words"];
+        assert_eq!([&words["language"], &words["lost"], &words["next"]], ["de", "Keine Verbindung.", "Next"]);
+        assert_eq!(screen["places"], json!(["Links", "Right"]));
+    }
+
+    #[test]
+    fn experimenter_sees_what_is_felt_where() {
+        let part = "show: [(\"x\", \"y\", \"z\")], sides: fixed, reference: \"y\"";
+        let study = crate::testing::experiment("", part);
+        let screen = Conduct::new(&study, 1, &[], 1).unwrap().experimenter();
+        assert_eq!(screen["places"], json!(["A", "B", "C"]));
+        assert_eq!((&screen["shown"], &screen["reference"]), (&json!(["x", "y", "z"]), &json!("y")));
+        assert_eq!(screen["mount"], json!([["Reference", "felt"], ["B", "felt"]]));
     }
 }

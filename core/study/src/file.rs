@@ -488,7 +488,7 @@ fn masking(value: &Value) -> Result<Masking, Diagnostic> {
 }
 
 /// Keys of the words that screens show.
-pub const WORDS: [(&str, &str); 14] = [
+pub const WORDS: [(&str, &str); 18] = [
     ("next", "Next"),
     ("wait", "Wait"),
     ("explore", "Explore"),
@@ -498,9 +498,14 @@ pub const WORDS: [(&str, &str); 14] = [
     ("same", "The same"),
     ("different", "Different"),
     ("break", "Take a break."),
-    ("welcome", "Welcome. Please wait."),
+    ("welcome", "Welcome. Go on when you are ready."),
+    ("survey", "Some last questions"),
     ("thanks", "Thank you. The study is over."),
     ("paused", "Paused. Please wait."),
+    ("lost", "The connection is lost. Please wait."),
+    ("space", "space bar"),
+    // Code of the screens' language (BCP 47), for those who have them read aloud.
+    ("language", "en"),
     ("keys", "Keys"),
     ("trial", "Question {number} of {count}"),
 ];

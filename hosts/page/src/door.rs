@@ -18,7 +18,10 @@ use parking_lot::Mutex;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::AbortHandle;
 
-use crate::server::{CONNECTIONS, Shared};
+/// Most connections with the token at a time, beside those of pages over WebSocket. One more gets 503.
+///
+/// As many may be open without the token. One more closes the oldest of these.
+pub const CONNECTIONS: usize = 64;
 
 pub(crate) struct Door {
     strangers: Mutex<Strangers>,
@@ -68,6 +71,11 @@ impl Door {
             oldest.abort();
         }
     }
+
+    /// Returns once no connection with the token is left.
+    pub(crate) async fn left(&self) {
+        let _ = self.places.acquire_many(CONNECTIONS as u32).await;
+    }
 }
 
 impl Visitor {
@@ -90,13 +98,13 @@ impl Drop for Visitor {
 
 /// Lets a request with the right host, origin and token through. Adds the security headers to every answer.
 pub(crate) async fn guard(
-    State(shared): State<Arc<Shared>>,
+    State(token): State<Arc<str>>,
     Extension(visitor): Extension<Arc<Visitor>>,
     request: Request,
     next: Next,
 ) -> Response {
     let query = request.uri().query().unwrap_or_default();
-    let checked = checked(request.headers(), query, visitor.at, &shared.token).map(str::to_owned);
+    let checked = checked(request.headers(), query, visitor.at, &token).map(str::to_owned);
     let mut response = match &checked {
         Err(why) => (StatusCode::FORBIDDEN, *why).into_response(),
         Ok(_) if !visitor.admit() => {

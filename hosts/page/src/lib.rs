@@ -1,10 +1,14 @@
-//! The live page: a surface to stroke, and the figures of a running graph, in a browser.
+//! Pages of a program in a browser: the live page, and the screens of a study with people.
 //!
+//! The live page is a surface to stroke, and the figures of a running graph.
 //! [`serve`] starts a server on a thread of its own. The control thread of a run hands figures to a
 //! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
 //! requests out of the run's [`asperity_live::RunControl`]. The tick thread is not involved.
 //!
-//! The server is bound to the loopback address unless the user names another. Only programs that know the
+//! [`screen`] starts a server of its own for the participant or the experimenter of a study. It shows what
+//! the host gives it, and passes on what people press. It keeps nothing.
+//!
+//! A server is bound to the loopback address unless the user names another. Only programs that know the
 //! token in the address are served. `Host` must be the address that the connection came to, or the loopback
 //! address, with our port: a foreign name that resolves to this machine is refused. `Origin`, where a
 //! request has one, must be this page. The page loads nothing from elsewhere, and forbids the
@@ -21,12 +25,17 @@ mod hand;
 mod map;
 mod pictures;
 mod renders;
+mod screen;
 mod server;
+mod site;
 mod stroke;
 mod wire;
 
+pub use door::CONNECTIONS;
 pub use feed::Feed;
 pub use map::Map;
 pub use renders::Rendered;
-pub use server::{CONNECTIONS, Options, PAGES, Page, serve};
+pub use screen::{PRESS, Pressed, Screen, Who, screen};
+pub use server::{PAGES, Page, serve};
+pub use site::Options;
 pub use wire::{AHEAD, MESSAGE, PATIENCE};

@@ -221,7 +221,11 @@ impl Chromium {
     /// A key down and up.
     pub fn key(&mut self, key: &str, code: &str) {
         for event in ["keyDown", "keyUp"] {
-            let virtual_code = if code == "Space" { 32 } else { 0 };
+            let virtual_code = match code {
+                "Space" => 32,
+                "Tab" => 9,
+                _ => 0,
+            };
             let text = if event == "keyDown" && key.len() == 1 { key } else { "" };
             let params = json!({
                 "type": event, "key": key, "code": code, "text": text, "windowsVirtualKeyCode": virtual_code,

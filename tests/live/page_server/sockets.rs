@@ -18,9 +18,9 @@ use crate::socket::{self, connect, got, numbers};
 
 /// All files and places of the server, and one that it does not have.
 fn files() -> impl Iterator<Item = &'static str> {
-    "/ /page.css /scene.css /icon.svg /main.js /link.js /hand.js /awake.js /map.js /strokes.js /graph.js \
-     /layers.js /scope.js /spectrum.js /timing.js /health.js /controls.js /draw.js /gallery.js /quilt.js \
-     /setting.js /listen.js /record.js /places /materials /picture/texture/canvas /nothing"
+    "/ /colours.css /page.css /scene.css /icon.svg /main.js /link.js /hand.js /awake.js /map.js /strokes.js \
+     /graph.js /layers.js /scope.js /spectrum.js /timing.js /health.js /controls.js /draw.js /gallery.js \
+     /quilt.js /setting.js /listen.js /record.js /places /materials /picture/texture/canvas /nothing"
         .split(' ')
 }
 
