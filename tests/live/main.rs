@@ -29,6 +29,7 @@ mod pulse_server;
 mod scene;
 mod simulated;
 mod socket;
+mod study;
 mod study_screens;
 mod watch;
 

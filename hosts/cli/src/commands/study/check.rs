@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
+use asperity_node::Role;
 use asperity_study::{Experiment, Matching, Method, StimulusKind};
 use serde_json::json;
 
@@ -36,6 +37,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let loaded = load_all(&experiment, &args.plugins)?;
     print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
     experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
+    warn_of_masking(&experiment);
     Ok(())
 }
 
@@ -60,6 +62,10 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
                     }
                     let about = |failure| named(failure, experiment, *stimulus);
                     let Some(schedule) = load_one(&filled, level, plugins).map_err(about)? else { continue };
+                    if schedule.with_role(Role::Force).next().is_some() {
+                        let stimulus = &experiment.stimuli[*stimulus].name;
+                        warn(&format!("`{stimulus}`: a study does not push back with a device yet"));
+                    }
                     match &first {
                         None => first = Some(schedule),
                         Some(first) => fits(first, &schedule).map_err(about)?,
@@ -115,6 +121,13 @@ fn load_one(
             clip.map(|_| None).map_err(|e| file.error(format!("this clip cannot be read: {e}")).into())
         }
         StimulusKind::Real { .. } | StimulusKind::Silence => Ok(None),
+    }
+}
+
+/// Warns that `study run` plays no masking noise yet.
+pub fn warn_of_masking(experiment: &Experiment) {
+    if experiment.masking.is_some() {
+        warn("masking noise is not played yet: play it by other means");
     }
 }
 

@@ -2,7 +2,7 @@
 
 mod analyse;
 mod check;
-// mod run;
+mod run;
 mod simulate;
 mod stimulus;
 
@@ -18,7 +18,7 @@ use crate::failure::{Failure, wrong};
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Check(check::Args),
-    // Run(Box<run::Args>),
+    Run(Box<run::Args>),
     Simulate(simulate::Args),
     Analyse(analyse::Args),
 }
@@ -26,7 +26,7 @@ pub enum Command {
 pub fn run(command: &Command) -> Result<(), Failure> {
     match command {
         Command::Check(args) => check::run(args),
-        // Command::Run(args) => run::run(args),
+        Command::Run(args) => run::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Analyse(args) => analyse::run(args),
     }

@@ -73,6 +73,8 @@ pub struct Args {
 
 /// How often screens and stimuli are looked after.
 const PACE: Duration = Duration::from_millis(5);
+/// How often the experimenter's figures change.
+const FIGURES: Duration = Duration::from_millis(100);
 /// Half the width of the strip between left and right in which nothing changes [mm].
 const MIDDLE_MM: f32 = 1.0;
 /// Ticks of a line of inputs in the log.
@@ -88,9 +90,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let [first, ..] = check::not_yet(&experiment).as_slice() {
         return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
     }
-    if experiment.masking.is_some() {
-        warn("masking noise is not played yet: play it by other means");
-    }
+    check::warn_of_masking(&experiment);
     check::load_all(&experiment, &args.plugins)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
@@ -260,6 +260,7 @@ impl Stage {
         screens: &[Screen; 2],
     ) -> Result<(), Failure> {
         let began = Instant::now();
+        let (mut live, mut figures) = (Value::Null, began - FIGURES);
         loop {
             for notice in self.session.poll().map_err(|e| card::not_opened(e, true))? {
                 complain(&format!("{notice}\n"));
@@ -285,7 +286,10 @@ impl Stage {
             append(log, path, &[self.unlogged(INPUT_TICKS), events].concat())?;
             screens[0].show(conduct.participant());
             let mut screen = conduct.experimenter();
-            screen["live"] = self.figures(&view);
+            if figures.elapsed() >= FIGURES {
+                (live, figures) = (self.figures(&view), Instant::now());
+            }
+            screen["live"] = live.clone();
             screens[1].show(screen);
             if conduct.is_over() || self.session.run_control().stopping() {
                 let last = self.unlogged(0);
@@ -389,9 +393,9 @@ impl Stage {
         let is_in_air = self.stylus_mm[2] >= 0.0;
         let felt = self.under_the_stylus(conduct);
         let trial = conduct.shown().map(|(number, _)| number);
-        let key = trial.zip(felt.as_ref()).map(|(trial, felt)| {
-            (trial, felt.place, felt.vary.as_ref().map(|(_, level)| level.to_bits()))
-        });
+        let key = trial
+            .zip(felt.as_ref())
+            .map(|(trial, felt)| (trial, felt.place, felt.vary.as_ref().map(|(_, level)| level.to_bits())));
         if key == self.now || self.sent.is_some() || !is_in_air || !self.session.graph_controller().ready() {
             return Ok(events);
         }
