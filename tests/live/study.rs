@@ -158,7 +158,8 @@ fn session_logs_every_trial_with_its_stimuli() {
             let both = |trial: usize| {
                 let at = |wanted| {
                     events(&dir).iter().any(|event| {
-                        matches!(event, Event::Stimulus { trial: t, place, .. } if *t == trial && *place == Some(wanted))
+                        let Event::Stimulus { trial: of, place, .. } = event else { return false };
+                        (*of, *place) == (trial, Some(wanted))
                     })
                 };
                 at(0) && at(1)

@@ -488,7 +488,7 @@ fn masking(value: &Value) -> Result<Masking, Diagnostic> {
 }
 
 /// Keys of the words that screens show.
-pub const WORDS: [(&str, &str); 18] = [
+pub const WORDS: &[(&str, &str)] = &[
     ("next", "Next"),
     ("wait", "Wait"),
     ("explore", "Explore"),
@@ -506,7 +506,6 @@ pub const WORDS: [(&str, &str); 18] = [
     ("space", "space bar"),
     // Code of the screens' language (BCP 47), for those who have them read aloud.
     ("language", "en"),
-    ("keys", "Keys"),
     ("trial", "Question {number} of {count}"),
 ];
 
@@ -776,6 +775,11 @@ mod tests {
     use super::*;
     use crate::testing::{parse, text};
 
+    const WHICH: &str = "which(name: \"w\", text: \"?\")";
+    const CONSTANT: &str = "(stimulus: \"z\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))";
+    const STAIRS: &str =
+        "staircase(start: 1, floor: 2, ceiling: 3, steps: multiply(by: [2]), down: 2, trials: 30)";
+
     /// Each mistake, a part of its message, and the text that it points at.
     #[test]
     fn mistakes_are_refused_where_they_stand() {
@@ -786,12 +790,12 @@ mod tests {
             ("", "show: []".to_owned(), "nothing to show", "[]"),
             ("", "show: [\"x\"], order: latin".to_owned(), "unknown kind `latin`", "latin"),
             ("", "show: [(\"x\", \"w\")], sides: left".to_owned(), "one side for 2 stimuli", "left"),
-            ("", format!("show: [\"x\"], {which}"), "`which` needs two stimuli", "which(name: \"w\", text: \"?\")"),
+            ("", format!("show: [\"x\"], {which}"), "`which` needs two stimuli", WHICH),
             ("", "show: [\"x\"], over: [\"speed\"]".to_owned(), "unknown factor `speed`", "\"speed\""),
             ("factors: {\"a\": []},", "show: [\"x\"]".to_owned(), "a factor without levels", "[]"),
             ("factors: {\"a\": [\"b\", \"b\"]},", "show: [\"x\"]".to_owned(), "`b` is used twice", "\"b\""),
             ("", "show: [\"x\"], repeats: 0".to_owned(), "0 is out of range", "0"),
-            ("masking: white(dbfs: 3, channels: [2]),", "show: [\"x\"]".to_owned(), "3 dB is out of range", "3"),
+            ("masking: white(dbfs: 3, channels: [2]),", "show: [\"x\"]".to_owned(), "3 dB is out", "3"),
             ("words: {\"nxt\": \"Weiter\"},", "show: [\"x\"]".to_owned(), "no word `nxt`", "\"nxt\""),
             (
                 "",
@@ -799,7 +803,7 @@ mod tests {
                 "`show` has 2",
                 "friedman(of: \"r\")",
             ),
-            ("", format!("show: [\"x\", \"z\"], {rate} tests: [wilcoxon(of: \"s\")]"), "no question `s`", "\"s\""),
+            ("", format!("show: [\"x\"], {rate} tests: [wilcoxon(of: \"s\")]"), "no question `s`", "\"s\""),
             (
                 "",
                 format!("show: [(\"x\", \"w\")], {which} tests: [binomial(of: \"w\", chosen: \"z\")]"),
@@ -808,23 +812,23 @@ mod tests {
             ),
             (
                 "",
-                format!("show: [(\"x\", \"w\")], {which} vary: (stimulus: \"w\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))"),
+                format!("show: [(\"x\", \"w\")], {which} vary: {}", CONSTANT.replace('z', "w")),
                 "no parameters",
                 "\"w\"",
             ),
             (
                 "",
-                format!("show: [(\"x\", \"z\")], {rate} vary: (stimulus: \"z\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))"),
+                format!("show: [(\"x\", \"z\")], {rate} vary: {CONSTANT}"),
                 "0 questions that judge it",
-                "(stimulus: \"z\", set: \"a.b\", by: constant(levels: [1, 2], each: 3))",
+                CONSTANT,
             ),
             (
                 "",
-                format!("show: [(\"x\", \"z\")], {which} vary: (stimulus: \"z\", set: \"a.b\", by: staircase(start: 1, floor: 2,
-                    ceiling: 3, steps: multiply(by: [2]), down: 2, trials: 30))"),
+                format!(
+                    "show: [(\"x\", \"z\")], {which} vary: (stimulus: \"z\", set: \"a.b\", by: {STAIRS})"
+                ),
                 "`start` is 1: use a number from 2 to 3",
-                "staircase(start: 1, floor: 2,
-                    ceiling: 3, steps: multiply(by: [2]), down: 2, trials: 30)",
+                STAIRS,
             ),
             ("", "show: [\"x\"], repeats: 1000, over: [\"n\"]".to_owned(), "20000 trials in a part", ""),
         ] {

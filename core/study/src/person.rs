@@ -179,8 +179,10 @@ mod tests {
     #[test]
     fn ratings_have_the_means_of_the_model() {
         let study = experiment(
-            "participants: 400, person: (ratings: {\"r\": {\"x\": 3.0, \"y\": 5.0}}, spread: 1.0, between: 0.5),",
-            "show: [\"x\", \"y\"], ask: [scale(name: \"r\", text: \"?\", from: 1, to: 7, low: \"a\", high: \"b\")],",
+            "participants: 400,
+            person: (ratings: {\"r\": {\"x\": 3.0, \"y\": 5.0}}, spread: 1.0, between: 0.5),",
+            "show: [\"x\", \"y\"],
+            ask: [scale(name: \"r\", text: \"?\", from: 1, to: 7, low: \"a\", high: \"b\")],",
         );
         let sessions: Vec<Session> = (1..=400).map(|n| study.person.session(&study, n, 3)).collect();
         let table = Table::new(&study, &sessions).unwrap();

@@ -226,8 +226,9 @@ mod tests {
     #[test]
     fn resumed_session_stands_where_the_log_ends() {
         let vary = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")], vary: (stimulus: \"z\",
-            set: \"a.b\", by: quest(levels: logarithmic(from: 0.1, to: 10.0, count: 11), threshold: logarithmic(from: 0.1,
-            to: 10.0, count: 11), slope: linear(from: 1.0, to: 4.0, count: 3), trials: 12)),";
+            set: \"a.b\", by: quest(levels: logarithmic(from: 0.1, to: 10.0, count: 11),
+            threshold: logarithmic(from: 0.1, to: 10.0, count: 11),
+            slope: linear(from: 1.0, to: 4.0, count: 3), trials: 12)),";
         let study = experiment("", vary);
         let mut events = Vec::new();
         let mut progress = Progress::new(&study, 7);

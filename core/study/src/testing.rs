@@ -13,7 +13,8 @@ pub(crate) fn text(fields: &str, part: &str) -> String {
     let people = if fields.contains("participants") { "" } else { "participants: 10," };
     format!(
         "Experiment(version: 1, title: \"Test\", {people} {fields}
-            stimuli: {{\"x\": silence, \"w\": clip(file: \"w.wav\"), \"y\": real(mount: \"felt\"), \"z\": graph(file: \"z.ron\")}},
+            stimuli: {{\"x\": silence, \"w\": clip(file: \"w.wav\"), 
+                \"y\": real(mount: \"felt\"), \"z\": graph(file: \"z.ron\")}},
             parts: [(name: \"one\", {part})],
         )"
     )

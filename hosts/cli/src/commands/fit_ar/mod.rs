@@ -159,8 +159,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         let (percent, half_hz) = (100.0 * fitted.above, f64::from(args.model_hz) / 2.0);
         let hz = (2 * args.model_hz).min(recording.rate_hz as u32);
         warn(&format!(
-            "{percent:.0} % of the vibration's power is above {half_hz:.0} Hz, and the texture leaves it out; \
-             --model-hz {hz} keeps more"
+            "{percent:.0} % of the vibration's power is above {half_hz:.0} Hz, and the texture leaves it \
+             out; --model-hz {hz} keeps more"
         ));
     }
     let (recorded, texture, fitted) = (&recorded, &texture, &fitted);
