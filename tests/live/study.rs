@@ -8,9 +8,12 @@ use std::time::{Duration, Instant};
 
 use asperity_study::log::{self, Event};
 use harness::alone::beside_others;
-use harness::live::{Live, until};
-use harness::{Room, csv};
+use harness::live::{Live, told, until};
+use harness::servers::{Jack, inside};
+use harness::{Room, csv, test_name};
 use serde_json::{Value, json};
+
+use crate::ear::Ear;
 
 /// Kills of a test; `ASPERITY_LONG_KILLS` asks for more.
 const KILLS: usize = 12;
@@ -82,7 +85,11 @@ struct Running {
 
 impl Running {
     fn start(dir: &Path) -> Self {
-        let mut live = Live::command(dir, &[&LINE[..], &["--loop"]].concat());
+        Self::line(dir, &[&LINE[..], &["--loop"]].concat())
+    }
+
+    fn line(dir: &Path, args: &[&str]) -> Self {
+        let mut live = Live::command(dir, args);
         let screens = ["the participant's screen:", "the experimenter's screen:"].map(|name| live.says(name));
         Self { live, screens }
     }
@@ -168,7 +175,7 @@ fn session_logs_every_trial_with_its_stimuli() {
             until("both sides are felt", || both(next));
         }
         let Some((screen, code)) = running.go_on() else { break };
-        assert!(code == 204 || screen["state"] == "end", "{code}: {screen}");
+        assert_eq!(code, 204, "{screen}");
         let text = screen.to_string();
         assert!(
             !["weak", "strong.ron", "felt", "Two tones"].iter().any(|name| text.contains(name)),
@@ -283,4 +290,66 @@ fn session_of_another_study_is_refused() {
     std::fs::create_dir(dir.join("out")).unwrap();
     dir.write("out/experiment.ron", "Experiment(another)");
     harness::run(&dir, &LINE).refused("has changed since people took part");
+}
+
+/// A tone on the left alone: each crossing is an onset or an offset.
+const ONSETS: &str = r#"Experiment(version: 1, title: "Onsets", participants: 1, missed: 1.0,
+    stimuli: {"tone": graph(file: "strong.ron")},
+    parts: [(name: "one", show: ["tone"], sides: left, ask: [scale(name: "r", text: "?", from: 1, to: 3,
+        low: "a", high: "b")])],
+)"#;
+
+#[test]
+fn onsets_come_within_1_ms_of_the_log_and_without_a_click() {
+    let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
+    told(|| {
+        let dir = folder(1);
+        dir.write("study.ron", ONSETS);
+        let ear = Ear::new(60 * 48_000);
+        let line: Vec<&str> =
+            LINE.iter().map(|arg| if arg.starts_with("simulated") { "jack" } else { arg }).collect();
+        let line: Vec<&str> =
+            line.into_iter().map(|arg| if arg == "--device" { "--host" } else { arg }).collect();
+        let mut running = Running::line(&dir, &[&line[..], &["--loop"]].concat());
+        ear.hear(running.live.id());
+        // From the welcome on to the trial, and 8 s of it.
+        running.go_on().expect("it runs");
+        ear.wait(8 * 48_000);
+        running.go_on().expect("it runs");
+        assert_eq!(running.live.end().code, 0);
+        let heard: Vec<f32> = ear.stop().into_iter().map(|[left, _]| left).collect();
+        let logged: Vec<i64> = events(&dir)
+            .iter()
+            .filter_map(|event| match event {
+                Event::Stimulus { place: Some(0), sample, .. } => Some(*sample as i64),
+                _ => None,
+            })
+            .collect();
+        // The first sample that moves after 20 ms of rest.
+        let (mut onsets, mut rest) = (Vec::new(), 0);
+        for (n, pair) in heard.windows(2).enumerate() {
+            let moves = (pair[1] - pair[0]).abs() > 2e-6;
+            if moves && rest > 960 {
+                onsets.push(n as i64 + 1);
+            }
+            rest = if moves { 0 } else { rest + 1 };
+        }
+        println!("logged {logged:?}\nheard {onsets:?}");
+        if logged.len() < 8 || onsets.len() != logged.len() {
+            return Err(format!("{} onsets were logged and {} heard", logged.len(), onsets.len()));
+        }
+        // Both clocks count the same samples from different beginnings.
+        let mut apart: Vec<i64> = onsets.iter().zip(&logged).map(|(heard, logged)| heard - logged).collect();
+        apart.sort_unstable();
+        let middle = apart[apart.len() / 2];
+        let jitter = apart.iter().map(|x| (x - middle).abs()).max().unwrap_or(0);
+        println!("jitter {jitter} samples");
+        assert!(jitter <= 48, "{jitter} samples of 48 kHz: {apart:?}");
+        // The tone's own largest step, with a tenth for the fade.
+        let own = 0.05 * std::f32::consts::TAU * 80.0 / 48_000.0;
+        let step = heard.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f32::max);
+        println!("largest step {step}, the tone's own {own}");
+        assert!(step < 1.1 * own, "a click: {step}, and the tone's own steps are {own}");
+        Ok(())
+    });
 }

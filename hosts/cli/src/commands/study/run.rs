@@ -75,6 +75,8 @@ pub struct Args {
 const PACE: Duration = Duration::from_millis(5);
 /// How often the experimenter's figures change.
 const FIGURES: Duration = Duration::from_millis(100);
+/// How long the last screens are served.
+const FAREWELL: Duration = Duration::from_secs(1);
 /// Half the width of the strip between left and right in which nothing changes [mm].
 const MIDDLE_MM: f32 = 1.0;
 /// Ticks of a line of inputs in the log.
@@ -279,6 +281,8 @@ impl Stage {
                         }
                         Err(why) => Err(why),
                     };
+                    // The next screen is there before its page hears of the verdict.
+                    screens[0].show(conduct.participant());
                     pressed.answer(verdict);
                 }
             }
@@ -293,7 +297,12 @@ impl Stage {
             screens[1].show(screen);
             if conduct.is_over() || self.session.run_control().stopping() {
                 let last = self.unlogged(0);
-                return append(log, path, &last);
+                append(log, path, &last)?;
+                if conduct.is_over() {
+                    // The last screens are still asked for.
+                    std::thread::sleep(FAREWELL);
+                }
+                return Ok(());
             }
             if !self.session.goes_on() {
                 return Err(Failure::Machine("the device is lost, or the engine failed".into()));

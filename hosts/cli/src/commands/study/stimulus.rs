@@ -82,8 +82,11 @@ fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result
             }
         }
     }
-    let outputs: Vec<String> = registry.get(&graph.nodes[at].kind).map_or(Vec::new(), |kind| {
-        kind.descriptor().outputs.iter().map(|output| output.name.to_string()).collect()
+    let kind = &graph.nodes[at].kind;
+    // Further outputs of a recorded stroke need columns that its file may lack.
+    let most = if registry.role(kind) == Some(Role::Hand) { usize::MAX } else { 1 };
+    let outputs: Vec<String> = registry.get(kind).map_or(Vec::new(), |kind| {
+        kind.descriptor().outputs.iter().take(most).map(|output| output.name.to_string()).collect()
     });
     for output in outputs {
         let probe = format!("{INPUT}{output}");
