@@ -295,7 +295,7 @@ fn session_of_another_study_is_refused() {
 /// A tone on the left alone: each crossing is an onset or an offset.
 const ONSETS: &str = r#"Experiment(version: 1, title: "Onsets", participants: 1, missed: 1.0,
     stimuli: {"tone": graph(file: "strong.ron")},
-    parts: [(name: "one", show: ["tone"], sides: left, ask: [scale(name: "r", text: "?", from: 1, to: 3,
+    parts: [(name: "one", show: ["tone"], sides: left, ask: [scale(name: "r", text: "?", from: 1, to: 5,
         low: "a", high: "b")])],
 )"#;
 
@@ -313,9 +313,9 @@ fn onsets_come_within_1_ms_of_the_log_and_without_a_click() {
         let mut running = Running::line(&dir, &[&line[..], &["--loop"]].concat());
         ear.hear(running.live.id());
         // From the welcome on to the trial, and 8 s of it.
-        running.go_on().expect("it runs");
+        assert_eq!(running.go_on().expect("it runs").1, 204);
         ear.wait(8 * 48_000);
-        running.go_on().expect("it runs");
+        assert_eq!(running.go_on().expect("it runs").1, 204);
         assert_eq!(running.live.end().code, 0);
         let heard: Vec<f32> = ear.stop().into_iter().map(|[left, _]| left).collect();
         let logged: Vec<i64> = events(&dir)

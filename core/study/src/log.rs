@@ -1,6 +1,6 @@
 //! The log of a participant: one line of JSON an event, only appended to.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 
@@ -114,7 +114,8 @@ impl Log {
     /// Returns the events so far.
     ///
     /// # Errors
-    /// A file that cannot be opened; a whole line that is no event, with its number.
+    /// A file that cannot be opened, or that another session has open; a whole line that is no event, with
+    /// its number.
     pub fn open(path: &Path) -> Result<(Self, Vec<Event>), Diagnostic> {
         let cannot = |e: io::Error| Diagnostic::new(format!("cannot write the log: {e}")).in_file(path);
         let file = OpenOptions::new()
@@ -124,6 +125,10 @@ impl Log {
             .truncate(false)
             .open(path)
             .map_err(cannot)?;
+        if let Err(TryLockError::WouldBlock) = file.try_lock() {
+            let help = "a participant has one session at a time; stop the other one";
+            return Err(Diagnostic::new("another session writes this log").in_file(path).help(help));
+        }
         let text = io::read_to_string(&file).map_err(cannot)?;
         let whole = text.rfind('\n').map_or(0, |at| at + 1);
         let events = parse(&text[..whole]).map_err(|e| e.in_file(path))?;
@@ -201,6 +206,7 @@ mod tests {
             log.append(event).unwrap();
             ends.push(std::fs::metadata(&path).unwrap().len());
         }
+        drop(log);
         let bytes = std::fs::read(&path).unwrap();
         for cut in 0..=bytes.len() {
             std::fs::write(&path, &bytes[..cut]).unwrap();
@@ -212,6 +218,18 @@ mod tests {
             log.append(&Event::End).unwrap();
             assert_eq!(read(&path).unwrap().len(), whole + 1);
         }
+    }
+
+    #[test]
+    fn log_has_one_writer() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("log.jsonl");
+        let first = Log::open(&path).unwrap();
+        let told = Log::open(&path).unwrap_err().to_string();
+        assert!(told.contains("another session writes this log"), "{told}");
+        assert!(read(&path).unwrap().is_empty(), "others may read it");
+        drop(first);
+        assert!(Log::open(&path).is_ok());
     }
 
     #[test]
