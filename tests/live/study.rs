@@ -293,7 +293,8 @@ fn session_of_another_study_is_refused() {
 }
 
 /// A tone on the left alone: each crossing is an onset or an offset.
-const ONSETS: &str = r#"Experiment(version: 1, title: "Onsets", participants: 1, missed: 1.0,
+const ONSETS: &str = r#"Experiment(version: 1, title: "Onsets", participants: 1,
+    missed: 0.0, repeat_marked: false,
     stimuli: {"tone": graph(file: "strong.ron")},
     parts: [(name: "one", show: ["tone"], sides: left, ask: [scale(name: "r", text: "?", from: 1, to: 5,
         low: "a", high: "b")])],
@@ -317,6 +318,11 @@ fn onsets_come_within_1_ms_of_the_log_and_without_a_click() {
         ear.wait(8 * 48_000);
         assert_eq!(running.go_on().expect("it runs").1, 204);
         assert_eq!(running.live.end().code, 0);
+        if let Some(Event::Marked { why, .. }) =
+            events(&dir).iter().find(|e| matches!(e, Event::Marked { .. }))
+        {
+            return Err(why.clone());
+        }
         let heard: Vec<f32> = ear.stop().into_iter().map(|[left, _]| left).collect();
         let logged: Vec<i64> = events(&dir)
             .iter()

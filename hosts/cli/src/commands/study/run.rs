@@ -269,10 +269,11 @@ impl Stage {
             }
             let view = self.session.view();
             self.listen();
-            self.judge(experiment, conduct, &view);
+            self.judge(conduct, &view);
             for (who, screen) in screens.iter().enumerate() {
                 while let Some(pressed) = screen.pressed() {
                     let now_s = began.elapsed().as_secs_f64();
+                    self.judge_times(experiment, conduct, &view);
                     let verdict = match self.press(&pressed.press, who, conduct, now_s) {
                         Ok(events) => {
                             let inputs = if events.is_empty() { Vec::new() } else { self.unlogged(0) };
@@ -361,8 +362,8 @@ impl Stage {
         std::mem::take(&mut self.inputs).into_iter().map(line).collect()
     }
 
-    /// Marks a trial in which deadlines were missed, the graph failed or the device was lost.
-    fn judge(&mut self, experiment: &Experiment, conduct: &mut Conduct<'_>, view: &View) {
+    /// Marks a trial in which the graph failed or the device was lost.
+    fn judge(&mut self, conduct: &mut Conduct<'_>, view: &View) {
         let Some((number, _)) = conduct.shown() else {
             self.before = None;
             return;
@@ -371,17 +372,22 @@ impl Stage {
             self.before = Some((number, view.clone()));
         }
         let Some((_, before)) = &self.before else { return };
-        let ticks = view.ticks.saturating_sub(before.ticks).max(1) as f64;
-        let missed = view.timing.misses.saturating_sub(before.timing.misses) as f64 / ticks;
-        // A single late tick of a trial that has just begun is no share of it.
-        if missed > experiment.missed && missed * ticks >= 2.0 {
-            conduct.spoil(&format!("{:.1} % of the deadlines were missed", 100.0 * missed));
-        }
         if view.faults > before.faults {
             conduct.spoil("a node of the graph failed");
         }
         if view.losses > before.losses || view.condition == Condition::Lost {
             conduct.spoil("the device was lost");
+        }
+    }
+
+    /// Marks a trial that ends and missed more than a share of its deadlines.
+    fn judge_times(&self, experiment: &Experiment, conduct: &mut Conduct<'_>, view: &View) {
+        let Some((_, before)) = &self.before else { return };
+        let late = |view: &View| view.timing.misses + view.skipped_ticks;
+        let missed = late(view).saturating_sub(late(before)) as f64;
+        let share = missed / view.ticks.saturating_sub(before.ticks).max(1) as f64;
+        if share > experiment.missed {
+            conduct.spoil(&format!("{:.1} % of the deadlines were missed", 100.0 * share));
         }
     }
 
