@@ -273,7 +273,9 @@ impl Stage {
             for (who, screen) in screens.iter().enumerate() {
                 while let Some(pressed) = screen.pressed() {
                     let now_s = began.elapsed().as_secs_f64();
-                    self.judge_times(experiment, conduct, &view);
+                    if pressed.press["press"] == "answer" {
+                        self.judge_times(experiment, conduct, &view);
+                    }
                     let verdict = match self.press(&pressed.press, who, conduct, now_s) {
                         Ok(events) => {
                             let inputs = if events.is_empty() { Vec::new() } else { self.unlogged(0) };
