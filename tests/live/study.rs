@@ -217,6 +217,9 @@ fn session_logs_every_trial_with_its_stimuli() {
     }
     assert!(next.is_some_and(|ticks| ticks > 500), "{next:?}");
     dir.run("study analyse out").ok().says(&["1 participant"]);
+    // The session is over, and a participant keeps the number.
+    harness::run(&dir, &LINE).ok().says(&["has answered everything"]);
+    harness::run(&dir, &[&LINE[..], &["--number", "3"]].concat()).refused("took part as number 2");
 }
 
 #[test]

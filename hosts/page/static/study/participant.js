@@ -273,7 +273,9 @@ async function send(what) {
 }
 
 function there(is) {
-  if (is !== by("lost").hidden) say(by("lost"), is ? "" : screen?.words.lost ?? "…");
+  // After the end nobody misses the server.
+  const fine = is || screen?.state === "end";
+  if (fine !== by("lost").hidden) say(by("lost"), fine ? "" : screen?.words.lost ?? "…");
 }
 
 by("form").addEventListener("submit", (event) => {

@@ -99,6 +99,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     keep_copy(&folder, &experiment)?;
     let path = folder.join(format!("{}.jsonl", args.participant));
     let (mut log, events) = Log::open(&path)?;
+    if let Some(Event::Begin { number: before, .. }) = events.first()
+        && *before != number
+    {
+        let what = format!("this participant took part as number {before}");
+        return Err(wrong("--number", what, format!("--number {before}")));
+    }
     let mut seed = [0; 8];
     getrandom::fill(&mut seed).map_err(|e| Failure::Machine(format!("no random numbers: {e}")))?;
     let mut conduct = Conduct::new(&experiment, number, &events, u64::from_le_bytes(seed))?;
