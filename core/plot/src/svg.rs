@@ -182,7 +182,7 @@ pub(super) fn fitting(text: &str, width: f64, size: f64) -> String {
     kept.trim_end().to_owned() + "…"
 }
 
-/// Lines of whole words that fit a width in pixels at a font size. The last takes what is left, cut to the
+/// Lines of whole words that fit a width in pixels at a font size. The last takes the rest, cut to the
 /// width.
 pub(super) fn wrapped(text: &str, width: f64, size: f64, most: usize) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();

@@ -5,8 +5,8 @@
 //! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
 //! requests out of the run's [`asperity_live::RunControl`]. The tick thread is not involved.
 //!
-//! [`screen()`] starts a server of its own for the participant or the experimenter of a study. It shows what
-//! the host gives it, and passes on what people press. It keeps nothing.
+//! [`screen()`] starts a server of its own for the participant or the experimenter of a study. It shows the
+//! states that the host gives it, and hands presses to the host. It keeps nothing.
 //!
 //! A server is bound to the loopback address unless the user names another. Only programs that know the
 //! token in the address are served. `Host` must be the address that the connection came to, or the loopback

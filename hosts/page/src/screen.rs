@@ -1,7 +1,7 @@
 //! The screens of a study: one server for the participant, another for the experimenter.
 //!
 //! Each has a token of its own, so that a participant cannot open the experimenter's screen. A page asks for
-//! the state that follows the one it shows, and waits. What a person presses waits for the host's verdict.
+//! the state that follows the one it shows, and waits. A press waits for the host's verdict.
 
 use std::collections::VecDeque;
 use std::io;

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
 use asperity_node::Role;
-use asperity_study::{Experiment, Matching, Method, StimulusKind};
+use asperity_study::{Experiment, Matching, Method, Stimulus, StimulusKind};
 use serde_json::json;
 
 use super::{experiment, stimulus};
@@ -68,13 +68,27 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
                     }
                     match &first {
                         None => first = Some(schedule),
-                        Some(first) => fits(first, &schedule).map_err(about)?,
+                        Some(first) => alike(first, &schedule, &experiment.stimuli[*stimulus])?,
                     }
                 }
             }
         }
     }
     Ok(done.len())
+}
+
+/// Refuses a stimulus that cannot follow another one in the same engine and on the same sound card.
+fn alike(first: &Schedule, next: &Schedule, stimulus: &Stimulus) -> Result<(), Failure> {
+    let rates = |s: &Schedule| format!("{} ticks a second and {} Hz", s.tick_hz, s.audio_hz);
+    let what = match fits(first, next) {
+        Ok(()) => return Ok(()),
+        Err(_) if rates(first) != rates(next) => {
+            format!("`{}` runs at {}, and another stimulus at {}", stimulus.name, rates(next), rates(first))
+        }
+        Err(_) => format!("`{}` has other outputs than another stimulus", stimulus.name),
+    };
+    let help = "all stimuli of a study share one engine and one sound card";
+    Err(Diagnostic::new(what).at_place(&stimulus.place).help(help).into())
 }
 
 /// Levels of a varied parameter to load: the lowest and the highest, and any that the file lists.
