@@ -119,8 +119,8 @@ fn bad_study_files_are_refused_with_places() {
     dir.run("study check s.ron").refused("no node `textur`").says(&["s.ron:3:"]);
     dir.write("s.ron", study("", RATE).replace("\"texture.material\": \"oak\"", "\"tick_hz\": 1000"));
     dir.run("study check s.ron")
-        .refused("`felt` runs at 500 ticks a second")
-        .says(&["at 1000 ticks a second", "s.ron:4:"]);
+        .refused("`oak` runs at 1000 ticks a second")
+        .says(&["at 500 ticks a second", "s.ron:3:"]);
     dir.run("study check graphs/texture.ron").refused("this is no experiment");
 }
 
