@@ -155,6 +155,9 @@ impl Log {
             lines += &serde_json::to_string(event)?;
             lines.push('\n');
         }
+        if lines.is_empty() {
+            return Ok(());
+        }
         let Self { file, end } = self;
         file.set_len(*end)?;
         file.seek(SeekFrom::Start(*end))?;

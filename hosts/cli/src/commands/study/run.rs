@@ -285,6 +285,11 @@ impl Stage {
                     let verdict = match self.press(&pressed.press, who, conduct, now_s) {
                         Ok(events) => {
                             let inputs = if events.is_empty() { Vec::new() } else { self.unlogged(0) };
+                            let ends = |e: &Event| matches!(e, Event::Answered { .. } | Event::Marked { .. });
+                            if events.iter().any(ends) {
+                                // The same trial may come again at once: it is judged anew.
+                                self.before = None;
+                            }
                             append(log, path, &[inputs, events].concat())?;
                             Ok(())
                         }
