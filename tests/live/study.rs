@@ -2,8 +2,9 @@
 #![cfg(target_os = "linux")]
 
 use std::io::{Read as _, Write as _};
-use std::net::TcpStream;
+use std::net::{TcpStream, UdpSocket};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
 use asperity_study::log::{self, Event};
@@ -11,9 +12,11 @@ use harness::alone::beside_others;
 use harness::live::{Live, told, until};
 use harness::servers::{Jack, inside};
 use harness::{Room, csv, test_name};
+use rosc::{OscMessage, OscPacket, OscType};
 use serde_json::{Value, json};
 
 use crate::ear::Ear;
+use crate::hands::free_port;
 
 /// Kills of a test; `ASPERITY_LONG_KILLS` asks for more.
 const KILLS: usize = 12;
@@ -205,12 +208,9 @@ fn session_logs_every_trial_with_its_stimuli() {
     // The hand's motion is there, tick after tick.
     let mut next = None;
     for event in &events {
-        if let Event::Inputs { tick, output, values } = event
+        if let Event::Inputs { tick, ticks, output, .. } = event
             && output == "position"
         {
-            use base64::Engine as _;
-            let bytes = base64::prelude::BASE64_STANDARD.decode(values).expect("base64");
-            let ticks = bytes.len() as u64 / 12;
             assert!(next.is_none_or(|next| next == *tick), "from {tick}, not {next:?}");
             next = Some(tick + ticks);
         }
@@ -363,6 +363,108 @@ fn onsets_come_within_1_ms_of_the_log_and_without_a_click() {
             return Err("a gap of the machine clicks".into());
         }
         assert!(step < 1.1 * own, "a click: {step}, and the tone's own steps are {own}");
+        Ok(())
+    });
+}
+
+/// A network's texture on the left and a tone on the right, in two trials.
+const REPLAYED: &str = r#"Experiment(version: 1, title: "Replayed", participants: 1, missed: 1.0,
+    stimuli: {
+        "texture": graph(file: "graphs/live.ron", set: {"texture.material": "canvas"}),
+        "tone": graph(file: "strong.ron"),
+    },
+    parts: [(name: "one", show: [("texture", "tone")], sides: fixed, repeats: 2,
+        ask: [which(name: "stronger", text: "?")])],
+)"#;
+
+/// Samples that are compared at a time.
+const PIECE: usize = 960;
+
+/// Strokes of both sides in turn, with the stylus in the air between, until it is told to stop.
+fn strokes(port: u16, over: &AtomicBool) {
+    let socket = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let began = Instant::now();
+    while !over.load(Relaxed) {
+        let t = began.elapsed().as_secs_f64();
+        let side = if (t / 0.8) as u64 % 2 == 0 { -1.0 } else { 1.0 };
+        let place =
+            [side * 20.0 + 10.0 * (12.0 * t).sin(), 5.0 * t.cos(), if t % 0.8 < 0.5 { -2.0 } else { 3.0 }];
+        let args = place.map(|x| OscType::Float(x as f32)).to_vec();
+        let packet = OscPacket::Message(OscMessage { addr: "/stylus".into(), args });
+        // A closed port may answer, which the next send reports.
+        let _ = socket.send_to(&rosc::encoder::encode(&packet).expect("a packet"), ("127.0.0.1", port));
+        std::thread::sleep(Duration::from_millis(2));
+    }
+}
+
+#[test]
+fn replay_has_the_samples_that_the_card_played() {
+    let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
+    told(|| {
+        let dir = folder(1);
+        dir.write("study.ron", REPLAYED);
+        let (port, over) = (free_port(), AtomicBool::new(false));
+        let hand = format!("osc:listen=127.0.0.1:{port},timeout_ms=60");
+        let ear = Ear::new(60 * 48_000);
+        let heard = std::thread::scope(|scope| {
+            scope.spawn(|| strokes(port, &over));
+            let line = [&LINE[..7], &["--host", "jack", "--hand", &hand]].concat();
+            let mut running = Running::line(&dir, &line);
+            ear.hear(running.live.id());
+            // The output rises for two seconds first.
+            for seconds in [0, 6, 4] {
+                ear.wait(seconds * 48_000);
+                assert_eq!(running.go_on().expect("it runs").1, 204);
+            }
+            over.store(true, Relaxed);
+            let ran = running.live.end();
+            assert_eq!(ran.code, 0, "{}", ran.err);
+            ear.stop().into_iter().map(|[left, _]| left.to_bits()).collect::<Vec<u32>>()
+        });
+        for trial in ["0", "1"] {
+            let args = ["study", "replay", "out", "--participant", "P02", "--trial", trial];
+            let ran =
+                harness::run(&dir, &[&args[..], &["--out", "felt.wav", "--stroke", "felt.csv"]].concat())
+                    .ok();
+            print!("{}", ran.out);
+            for felt in ["`texture` at place 1", "`tone` at place 2", "nothing"] {
+                assert!(ran.out.contains(felt) || trial == "1", "it lacks {felt}: {}", ran.out);
+            }
+            let felt: Vec<u32> = dir.wav("felt.wav").0.into_iter().map(f32::to_bits).collect();
+            assert!(felt.len() > 3 * 48_000, "{} samples", felt.len());
+            // Pieces that sound are in what was heard, one after the other, bit for bit. A busy machine has
+            // gaps, after which the signal goes on as the replay has it.
+            let (mut from, mut same, mut pieces) = (0, 0, 0);
+            for piece in felt.chunks_exact(PIECE).filter(|piece| !piece.contains(&0)) {
+                pieces += 1;
+                if let Some(at) = heard[from..].windows(PIECE).position(|there| there == piece) {
+                    same += 1;
+                    from += at + PIECE;
+                }
+            }
+            println!("{same} of {pieces} pieces are the same");
+            assert!(pieces > 20, "it hardly sounds");
+            let is_whole = ran.out.contains("no deadline was missed");
+            assert!(
+                !is_whole || same == pieces,
+                "no deadline was missed, and {same} of {pieces} are the same"
+            );
+            if 2 * same < pieces {
+                return Err("the machine missed too many deadlines".into());
+            }
+            // The stroke of a trial can be played again.
+            harness::run(
+                &dir,
+                &["render", "graphs/texture.ron", "--input", "felt.csv", "--out", "again.wav"],
+            )
+            .ok();
+        }
+        dir.write("strong.ron", tone(0.01));
+        let args = ["study", "replay", "out", "--participant", "P02", "--trial"];
+        let replay = |rest: &[&str]| harness::run(&dir, &[&args[..], rest, &["--out", "felt.wav"]].concat());
+        replay(&["0"]).refused("changed since the session");
+        replay(&["7"]).refused("trials 0 to 1 were shown");
+        replay(&["0", "--attempt", "1"]).refused("was not shown in attempt 1");
         Ok(())
     });
 }

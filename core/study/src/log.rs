@@ -2,7 +2,7 @@
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Seek as _, SeekFrom, Write as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::Diagnostic;
 use serde::{Deserialize, Serialize};
@@ -27,6 +27,9 @@ pub enum Event {
         files: Vec<(String, String)>,
         /// Time of day, UTC, as in RFC 3339.
         at: String,
+        /// Options of the command that the stimuli depend on.
+        #[serde(default)]
+        options: Options,
     },
     /// A trial is shown.
     Shown {
@@ -43,28 +46,50 @@ pub enum Event {
         trial: usize,
         /// Place of the stimulus, from 0 for the left one. `None`: nothing is felt.
         place: Option<usize>,
+        /// Name of the stimulus.
+        #[serde(default)]
+        stimulus: Option<String>,
+        /// Level of its varied parameter.
+        #[serde(default)]
+        level: Option<f64>,
+        /// Gain that matches its level to others; 0 for a sample or silence.
+        #[serde(default)]
+        gain: f64,
         /// First tick that plays it.
         tick: u64,
         /// First sample of that tick.
         sample: u64,
     },
-    /// Inputs of ticks: what a replay needs.
+    /// Inputs of ticks, one after the other. Ticks between two events of an output were skipped.
     Inputs {
         /// First tick.
         tick: u64,
+        /// Number of ticks.
+        ticks: u64,
         /// Output of the hand, such as `position`.
         output: String,
-        /// Its values: little-endian f32 in base64, one row a tick.
+        /// Its values: little-endian f32 in base64, one row a tick. A single row holds for all ticks.
         values: String,
     },
-    /// A parameter changes.
-    Parameter {
-        /// First tick with the value.
+    /// Ticks were late, skipped or not logged, or samples were not played.
+    Missed {
+        /// A tick soon after.
         tick: u64,
-        /// Setting, `node.parameter`.
-        name: String,
-        /// Its value in RON.
-        value: String,
+        /// Deadlines missed since the last such event.
+        deadlines: u64,
+        /// Ticks skipped.
+        skipped: u64,
+        /// Samples that the sound card did not get in time.
+        samples: u64,
+        /// Ticks whose inputs the log lacks.
+        unlogged: u64,
+    },
+    /// The experimenter mutes the output, or unmutes it.
+    Muted {
+        /// A tick soon after.
+        tick: u64,
+        /// Whether it is muted.
+        muted: bool,
     },
     /// All questions of a trial are answered.
     Answered {
@@ -99,6 +124,19 @@ pub enum Event {
     },
     /// The last trial and the survey are answered.
     End,
+}
+
+/// Options of a session that its stimuli depend on.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Options {
+    /// Hand device, as on the command line.
+    pub hand: Option<String>,
+    /// Recorded stroke in place of a hand.
+    pub input: Option<PathBuf>,
+    /// Whether the stroke is repeated.
+    pub repeat: bool,
+    /// Plugins.
+    pub plugins: Vec<PathBuf>,
 }
 
 /// Appends events to a file. Each is on disk before [`append`](Self::append) returns.

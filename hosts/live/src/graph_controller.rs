@@ -14,7 +14,9 @@ use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use crate::layout::{ACCELERATION, layout, scopes};
 use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
-use crate::player::{Hand, MicReader, NodeMeters, Player, Scope, TapeReader, Wiring, tape};
+use crate::player::{
+    Hand, HandInput, MicReader, Motion, NodeMeters, Player, Scope, TapeReader, Wiring, hand_tape, tape,
+};
 use crate::timeline::Timeline;
 use crate::view::{Layout, Materials, SourceView, View};
 use crate::{ForceWriter, SampleReader};
@@ -39,6 +41,11 @@ pub struct DeviceQueues {
     pub hands: HashMap<String, SampleReader>,
     /// Force models for devices.
     pub forces: HashMap<String, ForceWriter>,
+    /// Inputs of hands in an earlier run, each with its tick. They take the place of devices.
+    pub replayed: HashMap<String, Vec<(u64, HandInput)>>,
+    /// Whether inputs of hands are [recorded](GraphController::recorded) from now on, under the names of
+    /// their nodes: see [`HandInput::COUNT`].
+    pub record_hands: bool,
 }
 
 /// A graph that was sent to the tick thread.
@@ -55,6 +62,7 @@ struct Sent {
     /// `audio_out` nodes by channel, and `audio_in` nodes by recorded channel.
     channels: Vec<String>,
     recorded: Vec<String>,
+    records_hands: bool,
 }
 
 /// Changes a running graph from a control thread, and reads its figures. The other end of a [`Player`].
@@ -321,22 +329,31 @@ fn wire(
     // A node whose queue goes on.
     let same = |node: &ScheduledNode| before.is_some_and(|b| goes_on(&b.schedule, node));
     let (mut sources, mut hands) = (Vec::new(), Vec::new());
+    let (mut tapes_out, mut tapes_in) = (Vec::new(), Vec::new());
+    let records_hands = queues.record_hands || before.is_some_and(|b| b.records_hands);
     for (at, node) in schedule.with_role(Role::Hand) {
         let was = before.and_then(|b| b.sources.iter().find(|source| source.id == node.id));
         let queue = queues.hands.remove(&node.id);
+        let replayed = queues.replayed.remove(&node.id);
         let source = match was {
-            Some(was) if queue.is_none() && same(node) => was.clone(),
+            Some(was) if queue.is_none() && replayed.is_none() && same(node) => was.clone(),
             _ => {
                 let ns = |ms: f64| (ms * 1e6) as u64;
                 let delay_ns = node.params.get_number("delay_ms").map(ns);
                 let timeout_ns = ns(node.params.number("timeout_ms"));
-                let timeline = queue.map(|reader| Mutex::new(Timeline::new(reader, delay_ns, timeout_ns)));
+                let device = |reader| Motion::Device(Timeline::new(reader, delay_ns, timeout_ns));
+                let replayed = replayed.map(|inputs| Motion::Recorded(inputs.into()));
+                let motion = queue.map(device).or(replayed).map(Mutex::new);
                 let earlier = was.map(Source::counts).unwrap_or_default();
-                let hand = Arc::new(Hand { timeline, ..Hand::default() });
+                let hand = Arc::new(Hand { motion, ..Hand::default() });
                 Source { id: node.id.clone(), hand, earlier, samples: earlier[0], per_s: 0.0 }
             }
         };
-        hands.push((at, source.hand.clone()));
+        let tape = records_hands.then(|| hand_tape(at, schedule.tick_hz)).map(|(to, reader)| {
+            tapes_in.push(Tape { sink: node.id.clone(), graph: swap, reader });
+            to
+        });
+        hands.push((at, source.hand.clone(), tape));
         sources.push(source);
     }
     let mut forces = HashMap::new();
@@ -355,7 +372,6 @@ fn wire(
         scopes_out.push(Scope { node, output, attenuated: scope.name == ACCELERATION, to });
         scopes_in.push(from);
     }
-    let (mut tapes_out, mut tapes_in) = (Vec::new(), Vec::new());
     let recorders = schedule.nodes.iter().enumerate().filter(|(_, node)| {
         matches!(node.role, Some(Role::Recorder | Role::Probe)) && !node.params.text("file").is_empty()
     });
@@ -395,6 +411,7 @@ fn wire(
             tapes: tapes_in,
             channels,
             recorded,
+            records_hands,
         },
         Box::new(wiring),
     )

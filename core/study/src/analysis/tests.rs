@@ -430,6 +430,7 @@ fn sessions_that_differ_are_told() {
         version: version.into(),
         files: vec![("study.ron".into(), hash.into())],
         at: String::new(),
+        options: Default::default(),
     };
     let note = Event::Note { text: "slept | badly".into(), trial: Some(3) };
     let session = |events| Session { participant: "P01".into(), number: 1, events };

@@ -8,8 +8,9 @@ mod wiring;
 pub use mic::{Listener, MicReader, MicWriter, mic};
 pub(crate) use node_meters::NodeMeters;
 pub use tape::TapeReader;
-pub(crate) use tape::{TapeWriter, tape};
-pub(crate) use wiring::{Hand, Scope, Wiring};
+pub(crate) use tape::{TapeWriter, hand_tape, tape};
+pub use wiring::HandInput;
+pub(crate) use wiring::{Hand, Motion, Scope, Wiring};
 
 use std::sync::Arc;
 
@@ -115,12 +116,15 @@ impl Player {
     /// Feeds the positions of hands at a time, and recorded samples.
     fn feed(&mut self, time_ns: u64) {
         let engine = &mut self.engine;
-        for (node, hand) in &self.wiring.hands {
-            let Some(reading) = hand.read(time_ns) else { continue };
-            let fresh = !reading.stalled;
-            engine.feed_control(*node, place::POSITION, &reading.position, fresh);
-            engine.feed_control(*node, place::FORCE, &[reading.force], fresh);
-            engine.feed_control(*node, place::STROKE, &[f64::from(reading.stroke)], fresh);
+        let tick = engine.next_tick();
+        for (node, hand, tape) in &mut self.wiring.hands {
+            let Some(input) = hand.read(tick, time_ns) else { continue };
+            engine.feed_control(*node, place::POSITION, &input.position.map(f64::from), input.valid);
+            engine.feed_control(*node, place::FORCE, &[input.force.into()], input.valid);
+            engine.feed_control(*node, place::STROKE, &[input.stroke.into()], input.valid);
+            if let Some(tape) = tape {
+                tape.note(tick, &input);
+            }
         }
         if let Some(mic) = &mut self.mic {
             let span = time::samples(engine.next_tick(), self.rates.rate_hz, self.rates.tick_hz);

@@ -9,6 +9,8 @@ use asperity_node::{Buffer, Shape, time};
 use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
+use super::HandInput;
+
 opaque_debug!(TapeReader);
 
 /// Room for values that nobody reads [s].
@@ -45,6 +47,13 @@ pub(crate) fn tape(at: usize, node: &ScheduledNode, tick_hz: u32) -> Option<(Tap
     Some(of_size(at, input, shape, values, (f64::from(tick_hz) * ROOM_S) as usize))
 }
 
+/// Tape for the inputs of a hand's node.
+pub(crate) fn hand_tape(node: usize, tick_hz: u32) -> (TapeWriter, TapeReader) {
+    let count = HandInput::COUNT;
+    let ticks = (f64::from(tick_hz) * ROOM_S) as usize;
+    of_size(node, true, Shape::Control { count }, count, ticks)
+}
+
 fn of_size(node: usize, input: bool, shape: Shape, each: usize, ticks: usize) -> (TapeWriter, TapeReader) {
     let (values, values_in) = HeapRb::new(each * ticks).split();
     let (heads, heads_in) = HeapRb::new(ticks).split();
@@ -74,6 +83,11 @@ impl TapeWriter {
             }
             _ => {}
         }
+    }
+
+    /// Takes down the inputs of a hand's node. Tick thread.
+    pub(super) fn note(&mut self, tick: u64, input: &HandInput) {
+        self.push(tick, HandInput::COUNT, input.values().into_iter());
     }
 
     /// Records a tick whole, or counts it as lost.

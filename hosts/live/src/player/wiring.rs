@@ -1,5 +1,6 @@
 //! Connections of a graph's nodes with devices, recordings and meters.
 
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -11,7 +12,7 @@ use ringbuf::traits::Producer;
 
 use super::{NodeMeters, TapeWriter};
 use crate::ForceWriter;
-use crate::timeline::{Reading, Timeline};
+use crate::timeline::Timeline;
 
 /// Connections of one graph. Made beforehand; taken over in the tick in which the engine takes over that
 /// graph. Only the tick thread takes its locks, by `try_lock`.
@@ -22,8 +23,8 @@ pub(crate) struct Wiring {
     pub(crate) outs: Vec<usize>,
     /// The limiter before each of them.
     pub(crate) limiters: Vec<Option<usize>>,
-    /// Nodes with the position of a hand.
-    pub(crate) hands: Vec<(usize, Arc<Hand>)>,
+    /// Nodes with the position of a hand, each with the recording of its inputs.
+    pub(crate) hands: Vec<(usize, Arc<Hand>, Option<TapeWriter>)>,
     /// `audio_in` nodes, each with its recorded channel.
     pub(crate) mics: Vec<(usize, usize)>,
     /// Sinks whose force a device renders, with their largest force.
@@ -39,7 +40,7 @@ pub(crate) struct Wiring {
 #[derive(Debug, Default)]
 pub(crate) struct Hand {
     /// `None` for a node without a device.
-    pub(crate) timeline: Option<Mutex<Timeline>>,
+    pub(crate) motion: Option<Mutex<Motion>>,
     pub(crate) samples: AtomicU64,
     pub(crate) stalls: AtomicU64,
     pub(crate) age_ns: AtomicU64,
@@ -57,10 +58,48 @@ pub(crate) struct Scope {
     pub(crate) to: HeapProd<f32>,
 }
 
+/// Source of a hand's motion.
+#[derive(Debug)]
+pub(crate) enum Motion {
+    Device(Timeline),
+    /// Inputs of an earlier run, each with its tick.
+    Recorded(VecDeque<(u64, HandInput)>),
+}
+
+/// Inputs of a hand's node in a tick. They are single precision, so that a recording holds them exactly.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct HandInput {
+    /// x, y, z in mm.
+    pub position: [f32; 3],
+    /// As in [`Sample::force`](crate::Sample::force).
+    pub force: f32,
+    /// Number of the stroke.
+    pub stroke: f32,
+    /// Whether the hand is there. Otherwise the values are held.
+    pub valid: bool,
+}
+
+impl HandInput {
+    /// Values of a recording: position, force, stroke, and 1 or 0 for valid.
+    pub const COUNT: usize = 6;
+
+    pub(super) fn values(&self) -> [f32; Self::COUNT] {
+        let [x, y, z] = self.position;
+        [x, y, z, self.force, self.stroke, f32::from(u8::from(self.valid))]
+    }
+}
+
 impl Hand {
-    /// Where the hand is at a time. Tick thread.
-    pub(super) fn read(&self, time_ns: u64) -> Option<Reading> {
-        let mut timeline = self.timeline.as_ref()?.try_lock()?;
+    /// Inputs of a tick at its time. Tick thread.
+    pub(super) fn read(&self, tick: u64, time_ns: u64) -> Option<HandInput> {
+        let mut motion = self.motion.as_ref()?.try_lock()?;
+        let timeline = match &mut *motion {
+            Motion::Device(timeline) => timeline,
+            Motion::Recorded(inputs) => {
+                while inputs.pop_front_if(|(of, _)| *of < tick).is_some() {}
+                return inputs.pop_front_if(|(of, _)| *of == tick).map(|(_, input)| input);
+            }
+        };
         let reading = timeline.at(time_ns);
         let seen = timeline.seen();
         self.samples.store(seen.samples, Relaxed);
@@ -68,7 +107,12 @@ impl Hand {
         self.age_ns.store(reading.age_ns, Relaxed);
         self.delay_ns.store(seen.delay_ns, Relaxed);
         self.stalled.store(reading.stalled, Relaxed);
-        Some(reading)
+        Some(HandInput {
+            position: reading.position.map(|x| x as f32),
+            force: reading.force as f32,
+            stroke: reading.stroke as f32,
+            valid: !reading.stalled,
+        })
     }
 }
 

@@ -14,6 +14,7 @@ use super::{experiment, stimulus};
 use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, plural, print_report, warn};
 use crate::kinds::Kinds;
+use crate::load::files::files_read;
 use crate::load::{GraphArgs, PluginArgs};
 
 /// Count the trials and minutes of a study, check its balance, and load everything it plays
@@ -34,17 +35,25 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
-    let loaded = load_all(&experiment, &args.plugins)?;
+    let loaded = load_all(&experiment, &args.plugins)?.count;
     print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
     experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
     warn_of_masking(&experiment);
     Ok(())
 }
 
+/// Stimuli of a study.
+pub struct All {
+    pub count: usize,
+    /// Every file that they are made of.
+    pub files: BTreeSet<PathBuf>,
+}
+
 /// Loads every stimulus of every trial, at the ends of varied parameters. All must fit one sound card and
-/// engine. Returns how many there are.
-pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Failure> {
+/// engine.
+pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Failure> {
     let mut done = BTreeSet::new();
+    let mut files = BTreeSet::new();
     let mut first = None;
     for (number, part) in experiment.parts.iter().enumerate() {
         for trial in experiment.trials_of(number, 1) {
@@ -61,7 +70,8 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
                         continue;
                     }
                     let about = |failure| named(failure, experiment, *stimulus);
-                    let Some(schedule) = load_one(&filled, level, plugins).map_err(about)? else { continue };
+                    let loaded = load_one(&filled, level, plugins, &mut files).map_err(about)?;
+                    let Some(schedule) = loaded else { continue };
                     if schedule.with_role(Role::Force).next().is_some() {
                         let stimulus = &experiment.stimuli[*stimulus].name;
                         warn(&format!("`{stimulus}`: a study does not push back with a device yet"));
@@ -74,7 +84,7 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
             }
         }
     }
-    Ok(done.len())
+    Ok(All { count: done.len(), files })
 }
 
 /// Refuses a stimulus that cannot follow another one in the same engine and on the same sound card.
@@ -122,13 +132,17 @@ fn load_one(
     kind: &StimulusKind,
     level: Option<(&str, f64)>,
     plugins: &PluginArgs,
+    files: &mut BTreeSet<PathBuf>,
 ) -> Result<Option<Schedule>, Failure> {
     match kind {
         StimulusKind::Graph { file, set } => {
-            let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
+            let args =
+                GraphArgs { graph: stimulus::found(file)?, plugins: plugins.clone(), ..GraphArgs::default() };
             let mut kinds = Kinds::new(&plugins.plugin).looking();
             let loaded = stimulus::load((file, set), level, 1.0, &args, &mut kinds)?;
-            Ok(Some(loaded.compiled.schedule))
+            let schedule = loaded.compiled.schedule;
+            files.extend(files_read(&args, &schedule, kinds.files()).into_iter().map(|(path, _)| path));
+            Ok(Some(schedule))
         }
         StimulusKind::Clip { file } => {
             let clip = hound::WavReader::open(stimulus::found(file)?);

@@ -2,6 +2,8 @@
 
 mod analyse;
 mod check;
+mod inputs;
+mod replay;
 mod run;
 mod simulate;
 mod stimulus;
@@ -14,13 +16,14 @@ use clap::Subcommand;
 
 use crate::failure::{Failure, wrong};
 
-/// Check, run, simulate and analyse a study with people
+/// Check, run, simulate, analyse and replay a study with people
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Check(check::Args),
     Run(Box<run::Args>),
     Simulate(simulate::Args),
     Analyse(analyse::Args),
+    Replay(replay::Args),
 }
 
 pub fn run(command: &Command) -> Result<(), Failure> {
@@ -29,6 +32,7 @@ pub fn run(command: &Command) -> Result<(), Failure> {
         Command::Run(args) => run::run(args),
         Command::Simulate(args) => simulate::run(args),
         Command::Analyse(args) => analyse::run(args),
+        Command::Replay(args) => replay::run(args),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `asperity study run`: a participant's session, with screens, a hand and a sound card.
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -9,18 +9,17 @@ use std::time::{Duration, Instant};
 use asperity_diagnostics::{Diagnostic, file};
 use asperity_engine::Options;
 use asperity_live::view::{Condition, View};
-use asperity_live::{Session, prepare_live};
+use asperity_live::{DeviceQueues, Session, prepare_live};
 use asperity_node::Role;
 use asperity_page::{Screen, Who, screen};
-use asperity_study::log::{Event, Log};
+use asperity_study::log::{self, Event, Log};
 use asperity_study::{Conduct, Experiment, Felt, Press, StimulusKind};
-use base64::Engine as _;
-use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 
-use super::stimulus::{self, INPUT};
+use super::inputs::Inputs;
+use super::stimulus::{self, HAND, POSITION};
 use super::{COPY, check, experiment};
 use crate::card::{self, DeviceArgs};
 use crate::commands::run::hands::{self, Hands};
@@ -93,7 +92,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
     }
     check::warn_of_masking(&experiment);
-    check::load_all(&experiment, &args.plugins)?;
+    let loaded = check::load_all(&experiment, &args.plugins)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
     keep_copy(&folder, &experiment)?;
@@ -112,7 +111,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
     let mut stage = Stage::begin(args, &experiment)?;
-    append(&mut log, &path, &[begun(args, &experiment, number)?])?;
+    append(&mut log, &path, &[begun(args, &experiment, number, &loaded.files)?])?;
     let open = |who, name: &str| {
         let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
         let screen = screen(options, who);
@@ -167,22 +166,19 @@ fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
 }
 
 /// The first event of a session: versions, and hashes of the files that trials depend on.
-fn begun(args: &Args, experiment: &Experiment, number: u32) -> Result<Event, Failure> {
-    let mut paths = vec![experiment.source.path().to_owned()];
-    for stimulus in &experiment.stimuli {
-        if let Some((file, _)) = stimulus::graph_of(&stimulus.kind)
-            && let Ok(path) = stimulus::found(file)
-            && path.is_file()
-        {
-            paths.push(path);
-        }
-    }
-    let mut files = Vec::new();
-    for path in paths {
-        let bytes = file::read(&path, MOST_BYTES)?;
-        let hash = asperity_diagnostics::fnv(&bytes);
-        files.push((path.display().to_string(), format!("{hash:016x}")));
-    }
+fn begun(
+    args: &Args,
+    experiment: &Experiment,
+    number: u32,
+    files: &BTreeSet<PathBuf>,
+) -> Result<Event, Failure> {
+    let own = [experiment.source.path().to_owned()];
+    let others = files.iter().chain(&args.input).filter(|path| **path != own[0]);
+    let files: Vec<(String, String)> = own
+        .iter()
+        .chain(others)
+        .map(|path| Ok((path.display().to_string(), hash(path)?)))
+        .collect::<Result<_, Failure>>()?;
     let now = OffsetDateTime::now_utc().format(&Rfc3339).unwrap_or_default();
     Ok(Event::Begin {
         study: experiment.title.clone(),
@@ -191,15 +187,59 @@ fn begun(args: &Args, experiment: &Experiment, number: u32) -> Result<Event, Fai
         version: env!("CARGO_PKG_VERSION").to_owned(),
         files,
         at: now,
+        options: log::Options {
+            hand: args.hand.clone(),
+            input: args.input.clone(),
+            repeat: args.repeat,
+            plugins: args.plugins.plugin.clone(),
+        },
     })
+}
+
+/// Hash of a file, as in logs.
+pub fn hash(path: &Path) -> Result<String, Failure> {
+    let bytes = file::read(path, MOST_BYTES)?;
+    Ok(format!("{:016x}", asperity_diagnostics::fnv(&bytes)))
 }
 
 fn append(log: &mut Log, path: &Path, events: &[Event]) -> Result<(), Failure> {
     log.append_all(events).map_err(|e| Failure::writing(path, e))
 }
 
-/// The stimulus that is felt: a trial's number, its place and level; `None` for nothing.
-type Key = Option<(usize, usize, Option<u64>)>;
+/// The stimulus that is felt; `None` for nothing.
+type Key = Option<Playing>;
+
+/// A stimulus of a trial.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Playing {
+    trial: usize,
+    place: usize,
+    stimulus: usize,
+    level: Option<f64>,
+    gain: f64,
+}
+
+/// Counts of misses that the log has.
+#[derive(Debug, Default)]
+struct Missed {
+    deadlines: u64,
+    skipped: u64,
+    samples: u64,
+    /// Ticks whose inputs nobody read in time: so far, and logged ones.
+    unlogged: u64,
+    told: u64,
+}
+
+impl Missed {
+    /// An event, if there are more misses than before.
+    fn since(&mut self, view: &View) -> Option<Event> {
+        let now = [view.timing.misses, view.skipped_ticks, view.lost_samples, self.unlogged];
+        let before = [self.deadlines, self.skipped, self.samples, self.told];
+        let [deadlines, skipped, samples, unlogged] = std::array::from_fn(|i| now[i] - before[i]);
+        [self.deadlines, self.skipped, self.samples, self.told] = now;
+        (now != before).then_some(Event::Missed { tick: view.ticks, deadlines, skipped, samples, unlogged })
+    }
+}
 
 /// A running session with its stimulus.
 struct Stage {
@@ -212,9 +252,11 @@ struct Stage {
     /// The stimulus that plays, and the one that was sent last.
     now: Key,
     sent: Option<(u64, Key)>,
-    /// Place of the stylus, and the values of each output of the hand that are not logged yet.
+    /// Place of the stylus, and what is not logged yet.
     stylus_mm: [f32; 3],
-    inputs: BTreeMap<String, (u64, Vec<f32>)>,
+    inputs: Inputs,
+    /// Misses that are logged.
+    missed: Missed,
     /// Figures when the trial began.
     before: Option<(usize, View)>,
 }
@@ -236,7 +278,7 @@ impl Stage {
         let mut hands = Hands::default();
         let ids: Vec<String> = schedule.with_role(Role::Hand).map(|(_, node)| node.id.clone()).collect();
         let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
-        let queues = std::mem::take(&mut opened.queues);
+        let queues = DeviceQueues { record_hands: true, ..std::mem::take(&mut opened.queues) };
         hands.go_on_with(opened, schedule);
         let coils = card::coils(&args.device, schedule)?;
         let options = card::options(&args.device, request, coils);
@@ -253,7 +295,8 @@ impl Stage {
             now: None,
             sent: None,
             stylus_mm: [0.0, 0.0, f32::INFINITY],
-            inputs: BTreeMap::new(),
+            inputs: Inputs::default(),
+            missed: Missed::default(),
             before: None,
         })
     }
@@ -284,7 +327,7 @@ impl Stage {
                     }
                     let verdict = match self.press(&pressed.press, who, conduct, now_s) {
                         Ok(events) => {
-                            let inputs = if events.is_empty() { Vec::new() } else { self.unlogged(0) };
+                            let inputs = if events.is_empty() { Vec::new() } else { self.unlogged(0, &view) };
                             let ends = |e: &Event| matches!(e, Event::Answered { .. } | Event::Marked { .. });
                             if events.iter().any(ends) {
                                 // The same trial may come again at once: it is judged anew.
@@ -300,8 +343,8 @@ impl Stage {
                     pressed.answer(verdict);
                 }
             }
-            let events = self.change(conduct)?;
-            append(log, path, &[self.unlogged(INPUT_TICKS), events].concat())?;
+            let events = self.change(experiment, conduct, &view)?;
+            append(log, path, &[self.unlogged(INPUT_TICKS, &view), events].concat())?;
             screens[0].show(conduct.participant());
             let mut screen = conduct.experimenter();
             if figures.elapsed() >= FIGURES {
@@ -310,7 +353,7 @@ impl Stage {
             screen["live"] = live.clone();
             screens[1].show(screen);
             if conduct.is_over() || self.session.run_control().stopping() {
-                let last = self.unlogged(0);
+                let last = self.unlogged(0, &view);
                 append(log, path, &last)?;
                 if conduct.is_over() {
                     // The last screens are still asked for.
@@ -339,40 +382,39 @@ impl Stage {
             return Err("this screen has no such button".into());
         }
         if matches!(word, "mute" | "unmute") {
-            self.session.run_control().mute(word == "mute");
-            return Ok(Vec::new());
+            let muted = word == "mute";
+            self.session.run_control().mute(muted);
+            let tick = self.session.view().ticks;
+            return Ok(vec![Event::Muted { tick, muted }]);
         }
         let press: Press = serde_json::from_value(press.clone()).map_err(|e| e.to_string())?;
         conduct.press(press, now_s).map_err(|e| e.to_string())
     }
 
-    /// Reads the recorded outputs of the hand.
+    /// Reads the motion of the stylus: from the hand's inputs, or from a stroke's positions.
     fn listen(&mut self) {
         let (inputs, stylus) = (&mut self.inputs, &mut self.stylus_mm);
-        self.session.graph_controller().recorded(|recorded| {
-            let Some(output) = recorded.sink.strip_prefix(INPUT) else { return };
-            if output == "position"
-                && let Some(last) = recorded.values.last_chunk::<3>()
-            {
+        let controller = self.session.graph_controller();
+        let has_hand = controller.schedule().with_role(Role::Hand).next().is_some();
+        let unlogged = controller.recorded(|recorded| {
+            let is_position = recorded.sink == POSITION;
+            if let (true, Some(last)) = (is_position, recorded.values.last_chunk::<3>()) {
                 *stylus = *last;
             }
-            let (_, values) = inputs.entry(output.to_owned()).or_insert((recorded.start, Vec::new()));
-            values.extend_from_slice(recorded.values);
+            if recorded.sink == HAND || (is_position && !has_hand) {
+                inputs.add(recorded.start, recorded.values);
+            }
         });
+        self.missed.unlogged = unlogged;
     }
 
-    /// Inputs that are not logged yet, if there are as many ticks.
-    fn unlogged(&mut self, least: u64) -> Vec<Event> {
-        let width = |output: &str| if output == "position" { 3 } else { 1 };
-        let ready = self.inputs.iter().any(|(name, (_, v))| v.len() as u64 / width(name) > least);
-        if !ready {
-            return Vec::new();
+    /// Inputs that are not logged yet, if there are more ticks than `least`, and new misses.
+    fn unlogged(&mut self, least: u64, view: &View) -> Vec<Event> {
+        let mut events = self.inputs.take(least);
+        if !events.is_empty() {
+            events.extend(self.missed.since(view));
         }
-        let line = |(output, (tick, values)): (String, (u64, Vec<f32>))| {
-            let bytes: Vec<u8> = values.iter().flat_map(|x| x.to_le_bytes()).collect();
-            Event::Inputs { tick, output, values: BASE64_STANDARD.encode(bytes) }
-        };
-        std::mem::take(&mut self.inputs).into_iter().map(line).collect()
+        events
     }
 
     /// Marks a trial in which the graph failed or the device was lost.
@@ -391,6 +433,9 @@ impl Stage {
         if view.losses > before.losses || view.condition == Condition::Lost {
             conduct.spoil("the device was lost");
         }
+        if view.muted {
+            conduct.spoil("the output was muted");
+        }
     }
 
     /// Marks a trial that ends and missed more than a share of its deadlines.
@@ -405,25 +450,42 @@ impl Stage {
     }
 
     /// Swaps to the stimulus under the stylus, while it is in the air. Returns events for the log.
-    fn change(&mut self, conduct: &Conduct<'_>) -> Result<Vec<Event>, Failure> {
+    fn change(
+        &mut self,
+        experiment: &Experiment,
+        conduct: &Conduct<'_>,
+        view: &View,
+    ) -> Result<Vec<Event>, Failure> {
         let mut events = Vec::new();
         let schedule = self.session.graph_controller().schedule().clone();
         for finished in self.session.finished() {
             if let Some((_, key)) = self.sent.take_if(|(swap, _)| *swap == finished.number) {
                 let sample = u128::from(finished.tick) * u128::from(schedule.audio_hz);
                 let sample = (sample / u128::from(schedule.tick_hz)) as u64;
-                let trial = key.or(self.now).map_or(0, |(trial, ..)| trial);
-                let place = key.map(|(_, place, _)| place);
-                events.push(Event::Stimulus { trial, place, tick: finished.tick, sample });
+                events.push(Event::Stimulus {
+                    trial: key.or(self.now).map_or(0, |playing| playing.trial),
+                    place: key.map(|playing| playing.place),
+                    stimulus: key.map(|playing| experiment.stimuli[playing.stimulus].name.clone()),
+                    level: key.and_then(|playing| playing.level),
+                    gain: key.map_or(0.0, |playing| playing.gain),
+                    tick: finished.tick,
+                    sample,
+                });
                 self.now = key;
             }
         }
         let is_in_air = self.stylus_mm[2] >= 0.0;
-        let felt = self.under_the_stylus(conduct);
-        let trial = conduct.shown().map(|(number, _)| number);
-        let key = trial
-            .zip(felt.as_ref())
-            .map(|(trial, felt)| (trial, felt.place, felt.vary.as_ref().map(|(_, level)| level.to_bits())));
+        // Nothing is felt while the output still rises.
+        let rises = view.condition == Condition::Starting;
+        let felt = self.under_the_stylus(conduct).filter(|_| !rises);
+        let playing = |(trial, felt): (usize, &Felt)| Playing {
+            trial,
+            place: felt.place,
+            stimulus: felt.stimulus,
+            level: felt.vary.as_ref().map(|(_, level)| *level),
+            gain: f64::from(u8::from(stimulus::graph_of(&felt.kind).is_some())),
+        };
+        let key = conduct.shown().map(|(number, _)| number).zip(felt.as_ref()).map(playing);
         if key == self.now || self.sent.is_some() || !is_in_air || !self.session.graph_controller().ready() {
             return Ok(events);
         }
@@ -450,7 +512,7 @@ impl Stage {
         let side = match (x < -MIDDLE_MM, x > MIDDLE_MM, self.now) {
             (true, ..) => 0,
             (_, true, _) => 1,
-            (_, _, Some((_, place, _))) => place,
+            (_, _, Some(Playing { place, .. })) => place,
             _ => 0,
         };
         let at = felt.iter().position(|felt| felt.place == side)?;
@@ -473,7 +535,7 @@ impl Stage {
 }
 
 /// The first stimulus that is a graph: silence is played through its output.
-fn first_graph(experiment: &Experiment) -> Result<StimulusKind, Failure> {
+pub fn first_graph(experiment: &Experiment) -> Result<StimulusKind, Failure> {
     for part in 0..experiment.parts.len() {
         for trial in experiment.trials_of(part, 1) {
             let shown = trial.places.iter().map(|s| experiment.shown(&trial, *s));
@@ -486,7 +548,7 @@ fn first_graph(experiment: &Experiment) -> Result<StimulusKind, Failure> {
     Err(Diagnostic::new(what).in_file(experiment.source.path()).into())
 }
 
-fn load(
+pub fn load(
     kind: &StimulusKind,
     vary: Option<(&str, f64)>,
     gain: f64,

@@ -138,6 +138,7 @@ fn write(folder: &Path, experiment: &Experiment, sessions: &[Session]) -> Result
             version: format!("simulated by {}", env!("CARGO_PKG_VERSION")),
             files: Vec::new(),
             at: String::new(),
+            options: Default::default(),
         };
         let events = std::iter::once(&begin).chain(&session.events);
         log.append_all(events).map_err(|e| Failure::writing(&path, e))?;

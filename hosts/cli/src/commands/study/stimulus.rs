@@ -16,8 +16,8 @@ use crate::load::{self, GraphArgs, Loaded};
 pub const HAND: &str = "hand of the study";
 /// Gain before the actuator's own nodes: silence and level matching.
 const GAIN: &str = "gain of the study";
-/// Prefix of the probes that record the hand's outputs.
-pub const INPUT: &str = "input of the study: ";
+/// The probe that records the position of the stylus.
+pub const POSITION: &str = "position of the study";
 /// Origin of added nodes, in errors.
 const ORIGIN: &str = "asperity study";
 
@@ -66,7 +66,7 @@ pub fn graph_of(kind: &StimulusKind) -> Option<(&Value, &[(asperity_diagnostics:
     }
 }
 
-/// Gives the node that moves the stylus its common name, and records its outputs.
+/// Gives the node that moves the stylus its common name, and records its position.
 fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result<(), Failure> {
     let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
     let found: Vec<usize> = (0..graph.nodes.len()).filter(|i| moves(&graph.nodes[*i].kind)).collect();
@@ -82,18 +82,9 @@ fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result
             }
         }
     }
-    let kind = &graph.nodes[at].kind;
-    // Further outputs of a recorded stroke need columns that its file may lack.
-    let most = if registry.role(kind) == Some(Role::Hand) { usize::MAX } else { 1 };
-    let outputs: Vec<String> = registry.get(kind).map_or(Vec::new(), |kind| {
-        kind.descriptor().outputs.iter().take(most).map(|output| output.name.to_string()).collect()
-    });
-    for output in outputs {
-        let probe = format!("{INPUT}{output}");
-        // The host reads it; no file of this name is written.
-        graph.add_node(&probe, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
-        graph.add_wire(&format!("{HAND}.{output}"), &probe, ORIGIN);
-    }
+    // The host reads it; no file of this name is written.
+    graph.add_node(POSITION, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
+    graph.add_wire(&format!("{HAND}.position"), POSITION, ORIGIN);
     Ok(())
 }
 
