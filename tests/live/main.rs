@@ -30,6 +30,7 @@ mod scene;
 mod simulated;
 mod socket;
 mod study;
+mod study_people;
 mod study_screens;
 mod watch;
 

@@ -81,9 +81,9 @@ const LINE: [&str; 11] = [
 ];
 
 /// A running session, and how its screens are reached.
-struct Running {
-    live: Live,
-    screens: [String; 2],
+pub(crate) struct Running {
+    pub(crate) live: Live,
+    pub(crate) screens: [String; 2],
 }
 
 impl Running {
@@ -91,7 +91,7 @@ impl Running {
         Self::line(dir, &[&LINE[..], &["--loop"]].concat())
     }
 
-    fn line(dir: &Path, args: &[&str]) -> Self {
+    pub(crate) fn line(dir: &Path, args: &[&str]) -> Self {
         let mut live = Live::command(dir, args);
         let screens = ["the participant's screen:", "the experimenter's screen:"].map(|name| live.says(name));
         Self { live, screens }

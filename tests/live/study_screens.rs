@@ -93,19 +93,19 @@ impl Stage {
     }
 }
 
-fn state(browser: &mut Chromium) -> String {
+pub(crate) fn state(browser: &mut Chromium) -> String {
     browser.eval("document.body.dataset.state").as_str().expect("a state").to_owned()
 }
 
 /// Waits until the participant's page takes presses, or has nothing to press.
-fn settled(browser: &mut Chromium) {
+pub(crate) fn settled(browser: &mut Chromium) {
     browser.until(
         "!!document.body.dataset.state && !document.querySelector('#fields').disabled && \
          (document.querySelector('#go').hidden || !document.querySelector('#go').disabled)",
     );
 }
 
-fn types(browser: &mut Chromium, keys: &str) {
+pub(crate) fn types(browser: &mut Chromium, keys: &str) {
     for key in keys.chars() {
         match key {
             '\t' => browser.key("Tab", "Tab"),

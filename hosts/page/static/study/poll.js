@@ -22,7 +22,7 @@ async function after(seen) {
   }
 }
 
-/** Shows each state, and says whether there is a server. Rests between two states. */
+/** Shows each state up to the end, and says whether there is a server. Rests between two states. */
 export async function follow(show, there, restMs = 0) {
   let [seen, again] = [0, AGAIN_MS[0]];
   for (;;) {
@@ -30,6 +30,7 @@ export async function follow(show, there, restMs = 0) {
     there(state !== null);
     if (state) {
       if (state.screen && state.number !== seen) show(state.screen);
+      if (state.screen?.state === "end") return;
       [seen, again] = [state.number, AGAIN_MS[0]];
       if (restMs) await wait(restMs);
     } else {
