@@ -96,6 +96,8 @@ readers! {
     arrays_are_read_or_refused "npy" 2000,
     markup_is_read_or_refused "xml" 1500,
     sounds_are_read_or_refused "wav" 2000,
+    experiments_are_read_or_refused "experiment" 800,
+    logs_are_read_or_refused "log" 1500,
     networks_are_read_or_refused "onnx" 300
 }
 

@@ -13,6 +13,7 @@ use asperity_graph::{GraphFile, compile};
 use asperity_motion::{ColumnMap, Trajectory, TrajectoryOptions};
 use asperity_scene::Scene;
 use asperity_scene::{Lowering, lower};
+use asperity_study::{Conduct, Experiment, Session, Table, log};
 use asperity_texture::Library;
 use asperity_texture::Model;
 
@@ -34,7 +35,7 @@ impl Reader {
 }
 
 /// All of them.
-pub(crate) const READERS: [Reader; 8] = [
+pub(crate) const READERS: [Reader; 10] = [
     Reader { name: "graph", read: graph, holds: (64 << 20, 1000) },
     Reader { name: "scene", read: scene, holds: (64 << 20, 1000) },
     Reader { name: "material", read: material, holds: (1 << 20, 1000) },
@@ -42,6 +43,8 @@ pub(crate) const READERS: [Reader; 8] = [
     Reader { name: "npy", read: numbers, holds: (1 << 20, 4) },
     Reader { name: "xml", read: xml, holds: (4 << 20, 1000) },
     Reader { name: "wav", read: wav, holds: (1 << 20, 32) },
+    Reader { name: "experiment", read: experiment, holds: (16 << 20, 1000) },
+    Reader { name: "log", read: session, holds: (4 << 20, 1000) },
     Reader { name: "onnx", read: onnx, holds: (256 << 20, 1000) },
 ];
 
@@ -89,6 +92,32 @@ fn xml(bytes: &[u8]) -> bool {
 
 fn wav(bytes: &[u8]) -> bool {
     Wav::parse(bytes, u32::MAX).is_ok()
+}
+
+/// An experiment, as far as a participant's plan.
+fn experiment(bytes: &[u8]) -> bool {
+    let Some(Ok(study)) = text(bytes).map(|source| Experiment::parse(&source)) else { return false };
+    let _ = (study.imbalances(), study.minutes());
+    Conduct::new(&study, 3, &[], 1).is_ok()
+}
+
+/// An experiment whose logs are read.
+const STUDY: &str = r#"Experiment(version: 1, title: "It", participants: 2,
+    stimuli: {"a": silence, "b": real(mount: "felt")},
+    parts: [(name: "one", show: [("a", "b")], repeats: 3, ask: [which(name: "w", text: "Which?"),
+        scale(name: "s", text: "How?", from: 1, to: 7, low: "low", high: "high")])],
+    survey: [text(name: "why", text: "Why?")])"#;
+
+/// A participant's log, as far as a session that goes on and a table of answers.
+fn session(bytes: &[u8]) -> bool {
+    let Ok(events) = std::str::from_utf8(bytes).map_err(drop).and_then(|text| log::parse(text).map_err(drop))
+    else {
+        return false;
+    };
+    let study = Experiment::parse(&Source::new("it.ron", STUDY)).expect("a study");
+    let goes_on = Conduct::new(&study, 1, &events, 1).is_ok();
+    let session = Session { participant: "P01".into(), number: 1, events };
+    goes_on && Table::new(&study, &[session]).is_ok()
 }
 
 fn onnx(bytes: &[u8]) -> bool {

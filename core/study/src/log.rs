@@ -4,10 +4,13 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
-use asperity_diagnostics::Diagnostic;
+use asperity_diagnostics::{Diagnostic, file};
 use serde::{Deserialize, Serialize};
 
 use crate::Answer;
+
+/// Largest log.
+const MOST_BYTES: u64 = 4 << 30;
 
 /// Something that happened, in the order of time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -169,7 +172,7 @@ impl Log {
         }
         let text = io::read_to_string(&file).map_err(cannot)?;
         let whole = text.rfind('\n').map_or(0, |at| at + 1);
-        let events = parse(&text[..whole]).map_err(|e| e.in_file(path))?;
+        let events = parse(&text).map_err(|e| e.in_file(path))?;
         let it = Self { file, end: whole as u64 };
         it.file.set_len(it.end).and_then(|()| it.file.sync_all()).map_err(cannot)?;
         Ok((it, events))
@@ -214,17 +217,21 @@ impl Log {
 /// # Errors
 /// A file that cannot be read; a whole line that is no event, with its number.
 pub fn read(path: &Path) -> Result<Vec<Event>, Diagnostic> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|e| Diagnostic::new(format!("cannot read the log: {e}")).in_file(path))?;
-    let whole = text.rfind('\n').map_or(0, |at| at + 1);
-    parse(&text[..whole]).map_err(|e| e.in_file(path))
+    let bytes = file::read(path, MOST_BYTES)?;
+    let text = String::from_utf8(bytes).map_err(|_| Diagnostic::new("this log is no text").in_file(path))?;
+    parse(&text).map_err(|e| e.in_file(path))
 }
 
-fn parse(text: &str) -> Result<Vec<Event>, Diagnostic> {
+/// Events of a log's text. A torn last line is left out.
+///
+/// # Errors
+/// A whole line that is no event, with its number.
+pub fn parse(text: &str) -> Result<Vec<Event>, Diagnostic> {
+    let whole = text.rfind('\n').map_or(0, |at| at + 1);
     let event = |(i, line): (usize, &str)| {
         serde_json::from_str(line).map_err(|e| Diagnostic::new(format!("line {} is no event: {e}", i + 1)))
     };
-    text.lines().enumerate().map(event).collect()
+    text[..whole].lines().enumerate().map(event).collect()
 }
 
 #[cfg(test)]
