@@ -21,6 +21,7 @@ mod passivity;
 mod phase_scores;
 mod phase_survival;
 mod plugin_check;
+mod pictures;
 mod plugins;
 mod range;
 mod reference;

@@ -120,6 +120,8 @@ mod tests {
             ..Fit::default()
         };
         let svg = fit.to_svg();
+        // Where the unit of the force stood alone, nobody knew what it was.
+        assert!(svg.contains("normal force in N") && !svg.contains(">N<"));
         // Without 0 Hz, which has no logarithm.
         assert_eq!(tags(&svg)["circle"], 4 + 2 + 2 * 40);
         // Three triangles, of which one lacks a corner, and two models.
