@@ -240,7 +240,7 @@ fn two_actuators_of_different_profiles_cause_no_warning() {
     dir.write(
         "g.ron",
         r#"Graph(version: 1, nodes: {
-            "sine": (kind: "sine"),
+            "sine": (kind: "sine", params: (unit: "m/s^2")),
             "inverse": (kind: "actuator_inverse", params: (profile: "hapcoil_one", handle_mass_g: 100)),
             "near": (kind: "limiter", params: (profile: "hapcoil_one", handle_mass_g: 100)),
             "other": (kind: "actuator_inverse", params: (profile: "haptuator_mark_ii", handle_mass_g: 60)),
