@@ -115,7 +115,7 @@ fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
         .map(|name| if name == "paced" { ClockKind::Paced } else { ClockKind::Callback })
 }
 
-/// The actuator, and the amplifier before it. What is not given is as `asperity setup` wrote it down.
+/// The actuator, and the amplifier before it. By default they are as `asperity setup` wrote them down.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ActuatorArgs {
     /// Actuator whose limits apply: a shipped profile or a .ron file; by default that of `asperity setup`, or

@@ -33,8 +33,7 @@ use failure::Failure;
 /// Render touch: a stylus moves, a model predicts the vibration, an actuator plays it
 #[derive(Debug, Parser)]
 #[command(name = "asperity", version = VERSION, max_term_width = 100)]
-#[command(after_help = "\
-Start here:
+#[command(after_help = r"Start here:
   asperity run graphs/live.ron --device simulated --page    stroke and hear a texture in the browser
   asperity render graphs/texture.ron --out canvas.wav       render a stroke to a file
   asperity materials                                        list the materials")]
