@@ -153,7 +153,7 @@ pictures: setup
 
 # And that of a run: the page in a browser while a pen strokes.
 live-pictures: setup-tests
-	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live pictures::
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test --workspace $(WITHOUT) --test live pictures::
 
 clean:
 	$(CARGO) clean

@@ -105,7 +105,8 @@ fn picture_in_the_docs_has_the_methods_of_today() {
     let picture = std::fs::read_to_string(root().join("docs/compare.svg")).unwrap();
     let rows = |svg: &str| -> Vec<String> {
         let (_, first) = svg.split_once(">Spectral convergence, less is better</text>").expect("a heading");
-        let labels = first.split("</text>").map(|text| text.rsplit('>').next().unwrap_or_default().to_owned());
+        let labels =
+            first.split("</text>").map(|text| text.rsplit('>').next().unwrap_or_default().to_owned());
         labels.take_while(|label| label != "published").collect()
     };
     let (today, shown) = (rows(&compared().svg), rows(&picture));
@@ -113,11 +114,10 @@ fn picture_in_the_docs_has_the_methods_of_today() {
     let built_in: Vec<String> =
         shown.iter().filter(|row| !plugins.contains(&row.as_str())).cloned().collect();
     assert_eq!((built_in, shown.len()), (today.clone(), today.len() + 3), "run `make pictures`");
-    // Headings, units and references, too. Numbers are left out: times differ from run to run.
-    let named = |text: &&str| text.chars().filter(|c| c.is_alphabetic()).count() > 1;
-    let texts = compared().svg.split("</text>").map(|text| text.rsplit('>').next().unwrap_or_default());
-    for text in texts.filter(named) {
-        assert!(picture.contains(&format!(">{text}</text>")), "no {text}: run `make pictures`");
+    let cited = compared().svg.lines().filter(|line| line.contains(">["));
+    let cited = cited.filter_map(|line| line.split('>').nth(1));
+    for text in harness::words_of(&compared().svg).chain(cited) {
+        assert!(picture.contains(&format!(">{text}")), "no {text}: run `make pictures`");
     }
 }
 

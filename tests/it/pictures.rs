@@ -79,7 +79,8 @@ fn demo_opens_with_the_recommended_graph() {
     }
     assert_eq!(dir.files(), ["demo.json", "demo.svg", "demo.wav", "paper.wav"]);
     let readme = std::fs::read_to_string(root().join("README.md")).unwrap();
-    let pictures: Vec<&str> = readme.split("](docs/").skip(1).filter_map(|rest| rest.split(')').next()).collect();
+    let pictures: Vec<&str> =
+        readme.split("](docs/").skip(1).filter_map(|rest| rest.split(')').next()).collect();
     let first = pictures.iter().find(|name| name.ends_with(".svg")).expect("a picture");
     let drawn = commands("pictures").into_iter().find(|line| line.ends_with(&format!("docs/{first}")));
     assert!(drawn.is_some_and(|line| line.starts_with("render graphs/texture.ron ")), "{first}");

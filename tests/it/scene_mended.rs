@@ -57,7 +57,11 @@ fn force_without_a_device_is_told_where_a_hand_strokes() {
     let tone = "vibration: (frequency_hz: 120, amplitude_m_s2: 2)";
     for (frame, effects, told) in [
         (hand.as_str(), format!("{WALL}, {tone}, friction: dahl"), "the forces of `friction`"),
-        (&hand, format!("{WALL}, {tone}, friction: dahl, viscosity: (viscosity_ns_per_m: 0.5)"), "`viscosity`"),
+        (
+            &hand,
+            format!("{WALL}, {tone}, friction: dahl, viscosity: (viscosity_ns_per_m: 0.5)"),
+            "`viscosity`",
+        ),
         (&hand, WALL.to_owned(), "the forces of `stiffness`"),
         (&hand, format!("{WALL}, {tone}"), ""),
         (FRAME, format!("{WALL}, {tone}, friction: dahl"), ""),

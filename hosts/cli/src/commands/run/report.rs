@@ -10,7 +10,9 @@ use asperity_live::view::TimingView;
 use serde_json::{Map, Value, json};
 
 use super::Args;
-use crate::commands::render::report::{clipped, cut_at_full_scale, facts_json, faulty, no_tap, out_of_range, target};
+use crate::commands::render::report::{
+    clipped, cut_at_full_scale, facts_json, faulty, no_tap, out_of_range, target,
+};
 use crate::lag::{self, Lag};
 
 pub struct Run<'a> {
