@@ -3,8 +3,9 @@
 CARGO ?= cargo
 OUT ?= out
 
-# Where cargo puts programs that are not optimised for release.
-BUILT := $(or $(CARGO_TARGET_DIR),target)/debug
+# Where cargo puts programs, and those that are not optimised for release.
+TARGET := $(or $(CARGO_TARGET_DIR),target)
+BUILT := $(TARGET)/debug
 
 .PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
@@ -26,8 +27,8 @@ setup-fuzz: setup
 demo: setup
 	$(CARGO) build --profile demo -p asperity --no-default-features
 	mkdir -p $(OUT)
-	target/demo/asperity render graphs/texture.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
-	target/demo/asperity render graphs/heravi2024.ron --out $(OUT)/paper.wav --quiet
+	$(TARGET)/demo/asperity render graphs/texture.ron --out $(OUT)/demo.wav --plot $(OUT)/demo.svg --report $(OUT)/demo.json
+	$(TARGET)/demo/asperity render graphs/heravi2024.ron --out $(OUT)/paper.wav --quiet
 	@echo
 	@echo "listen to  $(OUT)/demo.wav   a stroke over canvas: the signal for the actuator, by graphs/texture.ron"
 	@echo "compare    $(OUT)/paper.wav  the same stroke by the paper's chain, graphs/heravi2024.ron: it repeats itself"
@@ -100,7 +101,7 @@ bench: setup
 plugins: setup
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
 	mkdir -p $(OUT)/plugins
-	cp target/release/librtpghi.* target/release/libgsrtisi_la.* $(OUT)/plugins/
+	cp $(TARGET)/release/librtpghi.* $(TARGET)/release/libgsrtisi_la.* $(OUT)/plugins/
 	rm -f $(OUT)/plugins/*.d $(OUT)/plugins/*.rlib
 	@echo
 	@echo "to have them in every graph and in compare:"
@@ -111,8 +112,8 @@ plugins: setup
 tradeoff: setup
 	$(CARGO) build --release -p asperity -p asperity-rtpghi -p asperity-gsrtisi-la
 	mkdir -p $(OUT)
-	target/release/asperity tradeoff graphs/tradeoffs/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
-	    --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so
+	$(TARGET)/release/asperity tradeoff graphs/tradeoffs/shipped.ron --out $(OUT)/tradeoff --jobs 2 \
+	    --plugin $(TARGET)/release/librtpghi.so --plugin $(TARGET)/release/libgsrtisi_la.so
 	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/REPORT.md docs/tradeoff/
 	cp $(OUT)/tradeoff/results.json graphs/tradeoffs/
 
@@ -134,21 +135,25 @@ train: setup
 evaluate: setup
 	$(CARGO) run --release -p asperity-train -- evaluate graphs/models/surfaces --run $(OUT)/surfaces.run
 
-# The pictures of the README and of docs/.
+# The pictures of the README and of docs/. The tests of tests/it/pictures.rs fail when one is stale.
 pictures: setup
 	$(CARGO) build --release -p asperity
-	target/release/asperity graph graphs/texture.ron --svg docs/graph.svg
-	target/release/asperity render graphs/texture.ron --plot docs/render.svg
-	target/release/asperity render graphs/scenes/every_effect.ron --plot docs/scene.svg
+	$(TARGET)/release/asperity graph graphs/texture.ron --svg docs/graph.svg
+	$(TARGET)/release/asperity render graphs/texture.ron --plot docs/render.svg
+	$(TARGET)/release/asperity render graphs/scenes/every_effect.ron --plot docs/scene.svg
 	$(CARGO) build --release -p asperity-rtpghi -p asperity-gsrtisi-la
-	target/release/asperity compare --plugin target/release/librtpghi.so --plugin target/release/libgsrtisi_la.so \
-	    --phase sample_commit:emission=0 --svg docs/compare.svg
-	$(CARGO) bench -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
-	$(CARGO) test -p asperity --test it -- --ignored the_picture_of_the_documentation
+	$(TARGET)/release/asperity compare --plugin $(TARGET)/release/librtpghi.so \
+	    --plugin $(TARGET)/release/libgsrtisi_la.so --phase sample_commit:emission=0 --svg docs/compare.svg
+	mkdir -p $(OUT)
+	$(TARGET)/release/asperity calibrate \
+	    --device simulated:plant=hapcoil_one,plant_handle_g=60,plant_noise=0.3,latency=431 \
+	    --handle-mass-g 60 --accelerometer-full-scale 100 --out $(OUT)/found.ron --plot docs/calibrate.svg
+	$(CARGO) bench --profile release -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test --workspace $(WITHOUT) --test it picture_of_a_fit
 
 # And that of a run: the page in a browser while a pen strokes.
 live-pictures: setup-tests
-	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test -p asperity --test live pictures::
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test --workspace $(WITHOUT) --test live pictures::
 
 clean:
 	$(CARGO) clean

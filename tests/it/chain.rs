@@ -240,12 +240,15 @@ fn two_actuators_of_different_profiles_cause_no_warning() {
     dir.write(
         "g.ron",
         r#"Graph(version: 1, nodes: {
-            "sine": (kind: "sine"),
+            "sine": (kind: "sine", params: (unit: "m/s^2")),
+            "inverse": (kind: "actuator_inverse", params: (profile: "hapcoil_one", handle_mass_g: 100)),
             "near": (kind: "limiter", params: (profile: "hapcoil_one", handle_mass_g: 100)),
+            "other": (kind: "actuator_inverse", params: (profile: "haptuator_mark_ii", handle_mass_g: 60)),
             "far": (kind: "limiter", params: (profile: "haptuator_mark_ii", handle_mass_g: 60)),
             "left": (kind: "audio_out"),
             "right": (kind: "audio_out"),
-        }, wires: [("sine", "near"), ("sine", "far"), ("near", "left"), ("far", "right")])"#,
+        }, wires: [("sine", "inverse"), ("inverse", "near"), ("near", "left"),
+                   ("sine", "other"), ("other", "far"), ("far", "right")])"#,
     );
     for line in ["check g.ron", "render g.ron --seconds 0.1 --out o.wav"] {
         let ran = dir.run(line).ok();

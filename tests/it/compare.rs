@@ -99,6 +99,28 @@ fn the_picture_is_well_formed() {
     assert!(!compared().svg.contains("NaN") && !compared().svg.contains("inf"));
 }
 
+/// Rows are sorted by their results, so that a result that changes shows, too.
+#[test]
+fn picture_in_the_docs_has_the_methods_of_today() {
+    let picture = std::fs::read_to_string(root().join("docs/compare.svg")).unwrap();
+    let rows = |svg: &str| -> Vec<String> {
+        let (_, first) = svg.split_once(">Spectral convergence, less is better</text>").expect("a heading");
+        let labels =
+            first.split("</text>").map(|text| text.rsplit('>').next().unwrap_or_default().to_owned());
+        labels.take_while(|label| label != "published").collect()
+    };
+    let (today, shown) = (rows(&compared().svg), rows(&picture));
+    let plugins = ["rtpghi", "gsrtisi_la", "sample_commit:emission=0"];
+    let built_in: Vec<String> =
+        shown.iter().filter(|row| !plugins.contains(&row.as_str())).cloned().collect();
+    assert_eq!((built_in, shown.len()), (today.clone(), today.len() + 3), "run `make pictures`");
+    let cited = compared().svg.lines().filter(|line| line.contains(">["));
+    let cited = cited.filter_map(|line| line.split('>').nth(1));
+    for text in harness::words_of(&compared().svg).chain(cited) {
+        assert!(picture.contains(&format!(">{text}")), "no {text}: run `make pictures`");
+    }
+}
+
 /// Steady magnitudes: right is what Gaussian noise of the same spectrum has.
 #[test]
 fn rhythm_stands_beside_that_of_gaussian_noise() {

@@ -20,6 +20,7 @@ mod invert;
 mod passivity;
 mod phase_scores;
 mod phase_survival;
+mod pictures;
 mod plugin_check;
 mod plugins;
 mod range;

@@ -49,6 +49,64 @@ fn parts_that_nothing_calls_for_are_looked_at_all_the_same() {
     check(&dir, "").refused("`canvas`").says(&["s.ron:4:"]);
 }
 
+/// Friction was computed, and nothing said that no device was there to render it.
+#[test]
+fn force_without_a_device_is_told_where_a_hand_strokes() {
+    let dir = Room::new();
+    let hand = FRAME.replace("stroke(extent_mm: 60, duration_s: 3)", "pointer_input()");
+    let tone = "vibration: (frequency_hz: 120, amplitude_m_s2: 2)";
+    for (frame, effects, told) in [
+        (hand.as_str(), format!("{WALL}, {tone}, friction: dahl"), "the forces of `friction`"),
+        (
+            &hand,
+            format!("{WALL}, {tone}, friction: dahl, viscosity: (viscosity_ns_per_m: 0.5)"),
+            "`viscosity`",
+        ),
+        (&hand, WALL.to_owned(), "the forces of `stiffness`"),
+        (&hand, format!("{WALL}, {tone}"), ""),
+        (FRAME, format!("{WALL}, {tone}, friction: dahl"), ""),
+    ] {
+        write(&dir, &format!("{frame}, {SOUND}"), TILE, &effects);
+        let ran = check(&dir, "").ok();
+        let warned = ran.err.contains("no device renders");
+        assert!(warned != told.is_empty() && ran.err.contains(told), "{effects}: {}", ran.err);
+        // A stroke of a file feels nothing.
+        if warned {
+            dir.write("t.csv", harness::csv(0.1, |t| [t, 0.0, -1.0]));
+            assert!(!check(&dir, "--input t.csv").err.contains("no device renders"));
+        }
+    }
+    // The advice is understood.
+    let advice = check(&dir, "").ok();
+    assert_eq!(advice.err, "");
+    let device = "device: (damping_ns_per_m: 2, output: haply_force())";
+    let frame = hand.replace("device: (damping_ns_per_m: 2)", device).replace("pointer_input", "haply_input");
+    write(&dir, &format!("{frame}, {SOUND}"), TILE, &format!("{WALL}, friction: dahl"));
+    assert!(!check(&dir, "").ok().err.contains("no device renders"));
+}
+
+#[test]
+fn tap_that_never_sounds_says_why() {
+    let dir = Room::new();
+    let tap = "tap: (sinusoids: [(frequency_hz: 180, decay_ms: 12, gain: 60)], min_speed_mm_s: 50)";
+    let frame = FRAME.replace("stroke(extent_mm: 60, duration_s: 3)", "trajectory(file: \"t.csv\")");
+    write(&dir, &format!("{frame}, {SOUND}"), TILE, &format!("{WALL}, {tap}"));
+    // From 3 mm above down to 2 mm deep, at so many mm/s; 0: on the surface all the time.
+    for (speed_mm_s, told) in [
+        (0.0, "`tap`: no tap sounded: the stylus never came from the air"),
+        (20.0, "`tap`: no tap sounded: the approach was below `min_speed_mm_s` in all of 1 contacts"),
+        (100.0, ""),
+    ] {
+        let down = |t: f64| if speed_mm_s == 0.0 { -2.0 } else { (3.0 - speed_mm_s * t).max(-2.0) };
+        dir.write("t.csv", harness::csv(0.5, |t| [10.0 * t, 0.0, down(t)]));
+        let ran = dir.run("render s.ron --out o.wav").ok();
+        assert!(ran.out.contains("no tap sounded") != told.is_empty(), "{speed_mm_s}: {}", ran.out);
+        assert!(ran.out.contains(told), "{}", ran.out);
+        let loud = dir.wav("o.wav").0.iter().any(|x| x.abs() > 1e-3);
+        assert_eq!(loud, told.is_empty(), "{speed_mm_s}");
+    }
+}
+
 /// Without force the scene is refused; without output there is a warning.
 #[test]
 fn scene_without_force_or_sound_is_told() {

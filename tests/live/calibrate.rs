@@ -53,6 +53,11 @@ fn the_profile_that_it_writes_is_used_by_the_shipped_graph() {
     for word in ["Magnitude", "Phase", "Coherence", "on 60 g"] {
         assert!(svg.contains(word), "{word}");
     }
+    // No two measurements draw the same picture, but that of the docs has the same words.
+    let shown = std::fs::read_to_string(harness::root().join("docs/calibrate.svg")).expect("a picture");
+    for text in harness::words_of(&svg).filter(|text| !text.contains(':')) {
+        assert!(shown.contains(&format!(">{text}<")), "no {text}: run `make pictures`");
+    }
     let graph = graphs("texture.ron").display().to_string();
     let set = ["--set", "limiter.profile=found.ron", "--set", "inverse.profile=found.ron"];
     let to = ["render", &graph, "--seconds", "1.5", "--quiet", "--out"];

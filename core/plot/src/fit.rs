@@ -53,7 +53,7 @@ impl Fit {
         };
         let pieces = Trace { name: "fitted pieces".into(), dots: dots(&self.pieces), ..Trace::default() };
         let plane = Plot {
-            heading: ("Models".into(), "normal force in N".into()),
+            heading: ("Normal force".into(), "N".into()),
             x_name: "Speed, mm/s".into(),
             traces: vec![models, pieces],
             ..Plot::default()
@@ -120,6 +120,9 @@ mod tests {
             ..Fit::default()
         };
         let svg = fit.to_svg();
+        // A unit stands behind its quantity: "Models N" was a riddle.
+        let (_, force) = svg.split_once(">Normal force<").expect("the quantity");
+        assert!(force.split("</text>").nth(1).is_some_and(|unit| unit.ends_with(">N")));
         // Without 0 Hz, which has no logarithm.
         assert_eq!(tags(&svg)["circle"], 4 + 2 + 2 * 40);
         // Three triangles, of which one lacks a corner, and two models.

@@ -73,6 +73,34 @@ impl Scene {
         Some(Finding { message, place })
     }
 
+    /// Finds forces that no device renders. A wall counts only where nothing vibrates: else it is there to
+    /// tell how hard the stylus presses.
+    pub fn unfelt(&self, registry: &Registry) -> Option<Finding> {
+        if self.device.output.is_some() {
+            return None;
+        }
+        let named = |surface: &'_ Touchable| -> Vec<(String, Place)> {
+            let forces = surface.effects.named.iter().filter(|named| !vibrates(registry, &named.kind));
+            forces.map(|named| (named.kind.clone(), named.value.place())).collect()
+        };
+        let mut all: Vec<(String, Place)> = self.surfaces.iter().flat_map(named).collect();
+        let quiet = |surface: &Touchable| surface.effects.named.iter().all(|n| !vibrates(registry, &n.kind));
+        if all.is_empty() && self.surfaces.iter().all(quiet) {
+            let walls = self.surfaces.iter().filter_map(|surface| surface.effects.stiffness.as_ref());
+            all.extend(walls.map(|wall| ("stiffness".to_owned(), wall.place.clone())));
+        }
+        let place = all.first()?.1.clone();
+        let mut kinds: Vec<String> = all.into_iter().map(|(kind, _)| format!("`{kind}`")).collect();
+        kinds.sort();
+        kinds.dedup();
+        let message = format!(
+            "no device renders the forces of {}; add one to the scene's `device`, such as \
+             `output: haply_force()`",
+            kinds.join(", ")
+        );
+        Some(Finding { message, place })
+    }
+
     fn of(&self, surface: &Touchable, registry: &Registry) -> Vec<(String, Place)> {
         let mut all = Vec::new();
         let effects = surface.effects.named.iter().filter_map(|named| self.part(named, registry));

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use asperity_actuator::{ActuatorProfile, Dynamics};
+use asperity_actuator::{ActuatorProfile, Drive, Dynamics};
 use asperity_audio::{Cause, Format, Request};
 use asperity_diagnostics::{Diagnostic, Source, one_of};
 use asperity_graph::{Compiled, GraphFile, Schedule, compile};
@@ -115,21 +115,55 @@ fn audio_clock() -> impl TypedValueParser<Value = ClockKind> {
         .map(|name| if name == "paced" { ClockKind::Paced } else { ClockKind::Callback })
 }
 
-/// The actuator, and the amplifier before it.
+/// The actuator, and the amplifier before it. By default they are as `asperity setup` wrote them down.
 #[derive(Clone, Debug, clap::Args)]
 pub struct ActuatorArgs {
-    /// Actuator whose limits apply: a shipped profile or a .ron file
-    #[arg(long, default_value = "hapcoil_one", value_name = "PROFILE")]
-    pub profile: String,
-    /// Mass of the handle that holds the actuator
-    #[arg(long, default_value_t = 100.0, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
-    pub handle_mass_g: f64,
-    /// Peak volts of the card at full scale
-    #[arg(long, default_value_t = 1.0, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
-    pub volts_at_full_scale: f64,
-    /// Gain of the current amplifier behind the card
-    #[arg(long, default_value_t = 1.0, value_name = "A/V", value_parser = number(1e-3, 100.0, "A/V"))]
-    pub amps_per_volt: f64,
+    /// Actuator whose limits apply: a shipped profile or a .ron file; by default that of `asperity setup`, or
+    /// hapcoil_one
+    #[arg(long, value_name = "PROFILE")]
+    profile: Option<String>,
+    /// Mass of the handle that holds the actuator; by default that of `asperity setup`, or 100
+    #[arg(long, value_name = "G", value_parser = number(1.0, 10_000.0, "g"))]
+    handle_mass_g: Option<f64>,
+    /// Peak volts of the card at full scale; by default those of `asperity setup`, or 1
+    #[arg(long, value_name = "V", value_parser = number(1e-3, 100.0, "V"))]
+    volts_at_full_scale: Option<f64>,
+    /// Gain of the current amplifier behind the card; by default that of `asperity setup`, or 1
+    #[arg(long, value_name = "A/V", value_parser = number(1e-3, 100.0, "A/V"))]
+    amps_per_volt: Option<f64>,
+}
+
+/// The actuator and the amplifier before it.
+pub struct Actuator {
+    profile: String,
+    handle_mass_g: f64,
+    volts_at_full_scale: f64,
+    amps_per_volt: f64,
+}
+
+impl ActuatorArgs {
+    /// The actuator on the channel of an output.
+    pub fn on(&self, output: &OutputArgs) -> Result<Actuator, Failure> {
+        let machine = Machine::find(output.card.machine.as_deref())?;
+        let device = output.card.device.as_deref().unwrap_or_default();
+        let known = machine.as_ref().and_then(|machine| machine.named(device, output.channel()));
+        let gain = known.map(|o| o.amplifier).filter(|(drive, _)| *drive == Drive::Current);
+        let of = |said: Option<f64>, known: Option<f64>, usual| said.or(known).unwrap_or(usual);
+        let profile = self.profile.clone().or_else(|| known.map(|o| o.profile.clone()));
+        Ok(Actuator {
+            profile: profile.unwrap_or_else(|| "hapcoil_one".into()),
+            handle_mass_g: of(self.handle_mass_g, known.map(|o| o.handle_mass_g), 100.0),
+            volts_at_full_scale: of(self.volts_at_full_scale, known.map(|o| o.volts_at_full_scale), 1.0),
+            amps_per_volt: of(self.amps_per_volt, gain.map(|(_, gain)| gain), 1.0),
+        })
+    }
+}
+
+impl Actuator {
+    /// Current at the card's full scale \[A\].
+    pub fn full_scale_a(&self) -> f64 {
+        self.amps_per_volt * self.volts_at_full_scale
+    }
 }
 
 /// The device that a graph needs, as the command line asks for it; `None` where it needs no sound card.
@@ -258,9 +292,9 @@ pub fn not_opened(error: SessionError, graph: bool) -> Failure {
 }
 
 /// Nodes that stand before every device, from amperes on: `limiter` and `out`.
-pub fn output_nodes(args: &ActuatorArgs) -> Result<String, Failure> {
-    let ActuatorArgs { profile, handle_mass_g, volts_at_full_scale, amps_per_volt } = args;
-    actuator(("--profile", profile), &[("--handle-mass-g", *handle_mass_g)])?;
+pub fn output_nodes(actuator: &Actuator) -> Result<String, Failure> {
+    let Actuator { profile, handle_mass_g, volts_at_full_scale, amps_per_volt } = actuator;
+    self::actuator(("--profile", profile), &[("--handle-mass-g", *handle_mass_g)])?;
     let profile = absolute(profile)?;
     Ok(format!(
         r#""limiter": (kind: "limiter", params: (profile: {profile:?}, handle_mass_g: {handle_mass_g:?})),

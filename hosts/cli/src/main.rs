@@ -30,9 +30,13 @@ use clap::{FromArgMatches as _, Parser};
 use commands::Command;
 use failure::Failure;
 
-/// Haptic rendering as a real-time dataflow graph.
+/// Render touch: a stylus moves, a model predicts the vibration, an actuator plays it
 #[derive(Debug, Parser)]
-#[command(name = "asperity", version = VERSION, about, max_term_width = 100)]
+#[command(name = "asperity", version = VERSION, max_term_width = 100)]
+#[command(after_help = r"Start here:
+  asperity run graphs/live.ron --device simulated --page    stroke and hear a texture in the browser
+  asperity render graphs/texture.ron --out canvas.wav       render a stroke to a file
+  asperity materials                                        list the materials")]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,

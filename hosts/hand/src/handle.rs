@@ -166,6 +166,11 @@ impl Shared {
         }
     }
 
+    /// Reports a remark on a source that works.
+    pub(crate) fn note(&self, what: String) {
+        self.text.lock().push(what);
+    }
+
     /// Ends the current problem, and reports `what` if there was one.
     pub(crate) fn well(&self, what: &str) {
         let mut text = self.text.lock();

@@ -160,6 +160,14 @@ pub fn csv_at(rate_hz: u32, seconds: f64, at: impl Fn(f64) -> [f64; 3]) -> Strin
     text
 }
 
+/// Texts of an SVG picture that say something without a number.
+pub fn words_of(svg: &str) -> impl Iterator<Item = &str> {
+    let texts = svg.split("</text>").map(|text| text.rsplit('>').next().unwrap_or_default());
+    texts.filter(|text| {
+        text.chars().filter(|c| c.is_alphabetic()).count() > 1 && !text.contains(|c: char| c.is_ascii_digit())
+    })
+}
+
 /// Files in a folder, hidden ones too, sorted.
 pub fn files(dir: &Path) -> Vec<String> {
     let mut names: Vec<String> = std::fs::read_dir(dir)

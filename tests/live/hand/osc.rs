@@ -81,6 +81,28 @@ fn unmatched_osc_addresses_are_told_once() {
     assert_eq!(handle.problem(), None);
 }
 
+/// A sender that counts in m where mm are listed moved the stylus by hundredths of a mm, and nobody said so.
+#[test]
+fn wrong_osc_units_are_told_once() {
+    let _alone = beside_others();
+    for (scale, force, doubt) in [
+        (0.001, 1.0, "are its places in m?"),
+        (1000.0, 1.0, "`x_mm` is in mm, `x_m` in m"),
+        (1.0, 300.0, "a force of 300 N came"),
+    ] {
+        let (handle, mut from, socket) = begin("/pen", "x_mm, y_mm, z_mm, force_n");
+        for k in 0..1500 {
+            let turn = 0.01 * f64::from(k);
+            let place = [20.0 * turn.cos(), 20.0 * turn.sin(), -2.0].map(|x| x * scale);
+            send(&socket, &pen(&[place[0], place[1], place[2], force]));
+            // Neither queue is to overflow.
+            take(&mut from, 1);
+        }
+        let told: Vec<String> = std::iter::from_fn(|| handle.problem()).collect();
+        assert!(told.len() == 1 && told[0].contains(doubt), "{told:?}");
+    }
+}
+
 #[test]
 fn each_touch_is_a_new_stroke() {
     let _alone = beside_others();

@@ -133,6 +133,45 @@ fn setup_keeps_what_else_stands_in_the_file() {
     assert!(ran.code == 2 && ran.err.contains("--device"), "{}", ran.err);
 }
 
+/// Runs the command that stands behind a word in the output of `setup`, for a moment.
+fn suggested(dir: &Path, said: &str, word: &str) -> Ran {
+    let line = said.lines().find_map(|line| line.trim_start().strip_prefix(word));
+    let line = line.unwrap_or_else(|| panic!("no {word} in {said}"));
+    let line = line.trim().trim_start_matches("asperity ").replace('"', "").replace("--page ", "");
+    run_line(dir, &format!("{line} --seconds 1"))
+}
+
+/// `tone` and `run` had to be told the gain again that `setup` had just written down.
+#[test]
+fn commands_that_setup_prints_play_at_once() {
+    let dir = &*shared_stage();
+    std::fs::copy(harness::graphs("actuators/hapcoil_one.ron"), dir.join("mine.ron")).unwrap();
+    for (n, (actuator, amplifier)) in [
+        ("hapcoil_one --handle-mass-g 100", "--volts-at-full-scale 1 --amps-per-volt 1"),
+        ("haptuator_mark_ii --handle-mass-g 60", "--volts-at-full-scale 1.4 --amps-per-volt 0.5"),
+        ("mine.ron --handle-mass-g 90", "--volts-at-full-scale 2 --volts-per-volt 3"),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let more = if n == 0 { "" } else { "--overwrite" };
+        let ran = setup(dir, &format!("--device {CARD} --channel 1 --profile {actuator} {amplifier} {more}"));
+        let said = ran.ok().out;
+        suggested(dir, &said, "play:").ok();
+        // A voltage amplifier needs another graph than that of a tone, which is in A.
+        if amplifier.contains("amps") {
+            suggested(dir, &said, "find it:").ok().says(&["A peak on channel 1"]);
+        }
+    }
+    // The error of a graph that says otherwise has every option that is needed.
+    let live = format!("run graphs/live.ron --device {CARD} --machine machine.ron --seconds 1");
+    let refused = run_line(dir, &live);
+    let options = refused.err.lines().find(|line| line.contains("to follow ")).expect("the options");
+    let options = &options[options.find(" --set").expect("an option")..];
+    assert_eq!(options.matches("--set").count(), 7, "{options}");
+    run_line(dir, &format!("{live}{options}")).ok();
+}
+
 #[test]
 fn machine_file_that_is_wrong_stops_everything() {
     let dir = &*shared_stage();

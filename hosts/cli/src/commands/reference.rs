@@ -286,6 +286,7 @@ fn arguments<'a>(all: impl Iterator<Item = &'a Arg>) -> String {
         let many = matches!(arg.get_action(), ArgAction::Append)
             || arg.get_num_args().is_some_and(|n| takes && n.max_values() > n.min_values().max(1));
         let help = arg.get_long_help().or(arg.get_help()).map(ToString::to_string).unwrap_or_default();
+        let help = help.replace("\n\n", ". ");
         let default = match (defaults.is_empty() || !takes, arg.is_required_set()) {
             (true, true) => "**required**".to_owned(),
             (true, false) => String::new(),

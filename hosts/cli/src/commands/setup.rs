@@ -7,12 +7,16 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use asperity_diagnostics::{Diagnostic, Source};
+use asperity_node::Role;
 
 use crate::card;
 use crate::failure::{Failure, complain, print};
+use crate::kinds::Kinds;
+use crate::load::{self, GraphArgs, PluginArgs};
 use crate::machine::{Machine, default_path};
 use crate::number::{channel, number};
 use crate::output::Pending;
+use crate::shipped;
 
 /// Describe the actuator and the amplifier behind a channel of the sound card
 ///
@@ -88,10 +92,30 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         std::fs::create_dir_all(folder).map_err(|e| Failure::writing(folder, e))?;
     }
     let path = Pending::create(&path)?.fill(&text)?.keep()?;
+    let mut on = format!(" --device {device:?} --channel {channel}");
+    if let Some(machine) = &args.machine {
+        on += &format!(" --machine {:?}", machine.display().to_string());
+    }
+    let options = options(&Machine::read(&path)?, &device, channel)?;
     print(&format!(
-        "wrote {}: no graph can drive channel {channel} of `{device}` beyond it\n{entry}\n",
+        "wrote {}: no graph can drive channel {channel} of `{device}` beyond it\n{entry}\n\n\
+         find it:  asperity tone{on}\n\
+         play:     asperity run {PLAYED} --page{on}{options}\n",
         path.display()
     ))
+}
+
+/// The graph that is offered to play.
+const PLAYED: &str = "graphs/live.ron";
+
+/// Options with which this graph follows the entry for a channel.
+fn options(machine: &Machine, device: &str, channel: u16) -> Result<String, Failure> {
+    let graph = shipped::file(Path::new(PLAYED));
+    let args = GraphArgs::plain(graph.as_deref().unwrap_or(Path::new(PLAYED)), &PluginArgs::default());
+    let schedule = load::load(&args, &mut Kinds::new(&[]))?.compiled.schedule;
+    let out = schedule.with_role(Role::AudioOutput).next().map(|(_, out)| out);
+    let entry = machine.named(device, channel);
+    Ok(entry.zip(out).map_or_else(String::new, |(entry, out)| entry.options(out, &schedule)))
 }
 
 /// The file's text with an entry for a channel. The rest of the text stays.

@@ -49,15 +49,16 @@ const AS_ASKED: f64 = 0.99;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     range("--hz", args.hz, 1.0, (0.45 * f64::from(args.rate)).min(20_000.0), "Hz")?;
+    let actuator = args.actuator.on(&args.output)?;
     let nodes = format!(
         r#""tone": (kind: "sine", params: (frequency_hz: {:?}, amplitude: {:?}, unit: "A")), {}"#,
         args.hz,
         args.amps,
-        output_nodes(&args.actuator)?
+        output_nodes(&actuator)?
     );
     let wires = r#"("tone", "limiter"), ("limiter", "out")"#;
     let (_, tried) = graph("the tone", args.rate, &nodes, wires)?;
-    let peaks = peaks(tried, args);
+    let peaks = peaks(tried, args, actuator.full_scale_a());
     let made = graph("the tone", args.rate, &nodes, wires)?;
     let ticks = (args.seconds * TICK_HZ).round() as u64;
     let mut told = args.quiet;
@@ -86,8 +87,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 }
 
 /// Maximum and steady level of the tone behind limiter, full scale and ramp \[A peak\], without a device.
-fn peaks(compiled: Compiled, args: &Args) -> [f64; 2] {
-    let full_scale = args.actuator.amps_per_volt * args.actuator.volts_at_full_scale;
+fn peaks(compiled: Compiled, args: &Args, full_scale: f64) -> [f64; 2] {
     let Some(out) = compiled.schedule.index_of("out") else { return [args.amps.min(full_scale); 2] };
     let mut engine = Engine::new(compiled, Default::default());
     let ticks = (args.seconds.clamp(START_S + LAST_S, TRIED_S) * TICK_HZ) as u64;

@@ -129,6 +129,10 @@ pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<Of
     check_passivity(&scene, &registry, args.strict)?;
     let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
     let graph = changed(lowered.graph, args)?;
+    // A stroke from a file feels nothing.
+    if graph.nodes.iter().any(|node| registry.role(&node.kind) == Some(Role::Hand)) {
+        scene.unfelt(&registry).iter().for_each(warn_of);
+    }
     let files = scene.files(&registry);
     Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
 }
@@ -230,14 +234,16 @@ fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(
         let error = |f: Finding| Diagnostic::new(f.message).at(&f.place.source, f.place.span);
         return Err(findings.into_iter().map(error).collect::<Vec<_>>().into());
     }
-    for Finding { message, place } in findings.iter().take(MOST_FINDINGS) {
-        let (path, at) = (place.source.path().display().to_string(), place.position());
-        warn(&format!("{}:{}:{}: {}", clean(&path), at.line, at.column, clean(message)));
-    }
+    findings.iter().take(MOST_FINDINGS).for_each(warn_of);
     if let Some(more) = findings.len().checked_sub(MOST_FINDINGS).filter(|more| *more > 0) {
         warn(&format!("and {more} more like these; --strict lists all"));
     }
     Ok(())
+}
+
+fn warn_of(Finding { message, place }: &Finding) {
+    let (path, at) = (place.source.path().display().to_string(), place.position());
+    warn(&format!("{}:{}:{}: {}", clean(&path), at.line, at.column, clean(message)));
 }
 
 fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
@@ -303,7 +309,7 @@ pub fn warnings(schedule: &Schedule) -> Vec<String> {
 }
 
 /// The actuator's inverse that drives a limiter.
-fn inverse_of<'a>(limiter: &ScheduledNode, schedule: &'a Schedule) -> Option<&'a ScheduledNode> {
+pub fn inverse_of<'a>(limiter: &ScheduledNode, schedule: &'a Schedule) -> Option<&'a ScheduledNode> {
     let before = |node: &ScheduledNode| Some(&schedule.nodes[node.inputs.first()?.from?.0]);
     let first = before(limiter).filter(|_| limiter.role == Some(Role::Limiter));
     let mut chain = std::iter::successors(first, |node| before(node)).take(schedule.nodes.len());

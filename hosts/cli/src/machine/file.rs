@@ -11,6 +11,8 @@ use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::{Opened, OutputLimits};
 use asperity_node::{Guard, Unit};
 
+use crate::load::inverse_of;
+
 /// Relative difference of numbers that count as equal.
 const SAME: f64 = 1e-6;
 
@@ -28,6 +30,9 @@ pub struct Output {
     pub device: String,
     pub channel: u16,
     pub actuator: Dynamics,
+    /// Name of its profile, or the path of the file.
+    pub profile: String,
+    pub handle_mass_g: f64,
     /// Peak volts of the card at full scale.
     pub volts_at_full_scale: f64,
     /// Current amplifier \[A/V\], or voltage amplifier \[V/V\].
@@ -79,6 +84,11 @@ impl Machine {
 
     pub fn output(&self, device: &Opened, channel: u16) -> Option<&Output> {
         self.outputs_of(device, channel).next()
+    }
+
+    /// The entry for a channel of the device with this name.
+    pub fn named(&self, device: &str, channel: u16) -> Option<&Output> {
+        self.outputs.iter().find(|o| o.device == device && o.channel == channel)
     }
 
     /// Entries that name a channel, by the device's id or by its name.
@@ -146,18 +156,53 @@ impl Output {
             let (graph, machine) = if amps { ("current", "voltage") } else { ("voltage", "current") };
             let id = &out.id;
             let what = format!("`{id}` plays a {graph}, and a {machine} amplifier stands behind its channel");
-            return Err(self.contradicts(out, "", what));
+            return Err(self.contradicts(out, "", what).help(self.follow(out, schedule)));
         }
         for (name, is, unit) in [("volts_at_full_scale", self.volts_at_full_scale, "V"), (name, gain, unit)] {
             let (said, id) = (out.params.number(name), &out.id);
-            if (said - is).abs() > SAME * is {
+            if differ(said, is) {
                 let what = format!("`{id}.{name}` is {said} {unit}, and the machine's file says {is} {unit}");
-                let option = format!("--set {id}.{name}={is}; for `tone`: --{}={is}", name.replace('_', "-"));
-                return Err(self.contradicts(out, name, what).help(format!("to follow the file: {option}")));
+                return Err(self.contradicts(out, name, what).help(self.follow(out, schedule)));
             }
         }
-        let limiter = out.inputs.first().and_then(|i| i.from).map(|(node, _)| &schedule.nodes[node]);
-        limiter.map_or(Ok(()), |limiter| self.check_actuator(limiter))
+        let limiter = limiter_of(out, schedule);
+        let checked = limiter.map_or(Ok(()), |limiter| self.check_actuator(limiter));
+        checked.map_err(|e| e.help(self.follow(out, schedule)))
+    }
+
+    fn follow(&self, out: &ScheduledNode, schedule: &Schedule) -> String {
+        let (file, at) = (self.place.source.path().display(), self.place.position());
+        format!("to follow {file}:{}:{}:{}", at.line, at.column, self.options(out, schedule))
+    }
+
+    /// Options with which a graph follows this entry, each behind a space.
+    pub fn options(&self, out: &ScheduledNode, schedule: &Schedule) -> String {
+        let (drive, gain) = match self.amplifier {
+            (Drive::Current, gain) => ("current", ("amps_per_volt", gain)),
+            (Drive::Voltage, gain) => ("voltage", ("volts_per_volt", gain)),
+        };
+        let numbers = [("volts_at_full_scale", self.volts_at_full_scale), gain];
+        let of = |node: &ScheduledNode, (name, is): (&str, f64)| {
+            let said = node.params.get_number(name);
+            said.is_some_and(|said| differ(said, is)).then(|| (format!("{}.{name}", node.id), is.to_string()))
+        };
+        let mut settings: Vec<_> = numbers.into_iter().filter_map(|number| of(out, number)).collect();
+        let limiter = limiter_of(out, schedule);
+        let inverse = limiter.and_then(|limiter| inverse_of(limiter, schedule));
+        if let Some(inverse) = inverse.filter(|inverse| inverse.params.text("drive") != drive) {
+            settings.push((format!("{}.drive", inverse.id), drive.to_owned()));
+        }
+        for node in inverse.into_iter().chain(limiter) {
+            if node.params.text("profile") != self.profile {
+                settings.push((format!("{}.profile", node.id), self.profile.clone()));
+            }
+            settings.extend(of(node, ("handle_mass_g", self.handle_mass_g)));
+        }
+        let set = |(name, is): (String, String)| {
+            let word = format!("{name}={is}");
+            if word.contains([' ', '\'']) { format!(" --set {word:?}") } else { format!(" --set {word}") }
+        };
+        settings.into_iter().map(set).collect()
     }
 
     /// Refuses a limiter for another actuator, or with higher limits.
@@ -179,7 +224,7 @@ impl Output {
             ("thermal time constant", said.thermal_time_constant, is.thermal_time_constant, "s"),
         ];
         for (what, said, is, unit) in same {
-            if (said - is).abs() > SAME * is {
+            if differ(said, is) {
                 let param = if what == "handle mass" { "handle_mass_g" } else { "profile" };
                 let (said, is) = (rounded(said), rounded(is));
                 let what = format!(
@@ -231,6 +276,15 @@ impl Output {
     }
 }
 
+fn differ(said: f64, is: f64) -> bool {
+    (said - is).abs() > SAME * is
+}
+
+/// The limiter before an output.
+fn limiter_of<'s>(out: &ScheduledNode, schedule: &'s Schedule) -> Option<&'s ScheduledNode> {
+    out.inputs.first().and_then(|i| i.from).map(|(node, _)| &schedule.nodes[node])
+}
+
 /// A number for a text, without the noise of its last digits.
 fn rounded(x: f64) -> f64 {
     format!("{x:.8e}").parse().unwrap_or(x)
@@ -260,7 +314,22 @@ fn output(value: &Value, base: &Path) -> Result<Output, Diagnostic> {
     let found = ActuatorProfile::find(profile.text()?, base).map_err(|d| {
         if d.path().is_some() { d } else { profile.error(d.message).help(d.help.unwrap_or_default()) }
     })?;
-    let actuator = Dynamics::new(&found, handle.f64_in(1.0..=10_000.0, "g")?)
-        .map_err(|e| handle.error(e.to_string()))?;
-    Ok(Output { device, channel, actuator, volts_at_full_scale, amplifier, most_volts, place: value.place() })
+    let handle_mass_g = handle.f64_in(1.0..=10_000.0, "g")?;
+    let actuator = Dynamics::new(&found, handle_mass_g).map_err(|e| handle.error(e.to_string()))?;
+    let mut profile = profile.text()?.to_owned();
+    if profile.ends_with(".ron") {
+        profile = base.join(profile).display().to_string();
+    }
+    let place = value.place();
+    Ok(Output {
+        device,
+        channel,
+        actuator,
+        profile,
+        handle_mass_g,
+        volts_at_full_scale,
+        amplifier,
+        most_volts,
+        place,
+    })
 }

@@ -13,6 +13,7 @@
 
 mod arguments;
 mod packet;
+mod plausible;
 
 use std::io::ErrorKind;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, UdpSocket};
@@ -29,6 +30,7 @@ use crate::handle::Shared;
 use crate::node::{PassOn, hand};
 use crate::{HandDevice, Handle, Open, error};
 use arguments::{Arguments, Reading};
+use plausible::Plausible;
 
 /// Longest wait for a packet before the thread looks for a stop.
 const WAIT: Duration = Duration::from_millis(50);
@@ -177,6 +179,7 @@ pub fn start(options: OscOptions, writer: SampleWriter) -> Result<Handle, Diagno
         stroke: 0,
         newest_ns: 0,
         told: false,
+        plausible: Plausible::default(),
     };
     Handle::start("osc", shared, Some(address), move || ear.listen(socket, address))
 }
@@ -206,6 +209,7 @@ struct Ear {
     newest_ns: u64,
     /// Whether an address that does not match was reported.
     told: bool,
+    plausible: Plausible,
 }
 
 impl Ear {
@@ -275,6 +279,9 @@ impl Ear {
                 self.clock.time_ns(sent_s, arrived_ns)
             }
         };
+        if let Some(doubt) = self.plausible.doubt(&reading) {
+            self.shared.note(doubt);
+        }
         if let Some(touch) = reading.touch {
             if touch && !self.touched {
                 self.anew();

@@ -17,6 +17,7 @@ const MOMENT: usize = 2;
 pub struct Tap {
     taps: Taps,
     rate_hz: u32,
+    contacts: u64,
     count: u64,
 }
 
@@ -140,7 +141,7 @@ impl Node for Tap {
         })?;
         let longest = sounds.iter().map(Sound::longest).max().unwrap_or(0);
         let tail = Latency::samples(i64::try_from(longest).unwrap_or(i64::MAX), rate_hz);
-        let it = Self { taps: Taps::new(sounds, rate_hz), rate_hz, count: 0 };
+        let it = Self { taps: Taps::new(sounds, rate_hz), rate_hz, contacts: 0, count: 0 };
         let latency = Latency::ratio(1, i64::from(setup.tick_hz));
         Ok(Prepared::new(it).latency(latency).tail(tail).files(files(setup)))
     }
@@ -151,6 +152,7 @@ impl Processor for Tap {
         let approach = if tick.inputs.valid(APPROACH) { tick.inputs.value(APPROACH) } else { 0.0 };
         let came = approach > 0.0;
         if came && let Some(slot) = pick(tick.inputs.value(SLOT), self.taps.sounds.len()) {
+            self.contacts += 1;
             let (at, part) = sample(tick.index, tick.inputs.value(MOMENT), self.rate_hz, tick.tick_hz);
             self.count += u64::from(self.taps.strike(slot, at, part, approach));
         }
@@ -174,6 +176,7 @@ impl Processor for Tap {
     fn facts(&mut self) -> Vec<Fact> {
         vec![
             Fact::count("slots", self.taps.sounds.len() as u64),
+            Fact::count("contacts", self.contacts),
             Fact::count("taps", self.count),
             Fact::count("cut_short", self.taps.cut_short),
         ]

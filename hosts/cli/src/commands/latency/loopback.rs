@@ -65,7 +65,7 @@ pub fn prepare(args: &Args) -> Result<(GraphFile, Compiled), Failure> {
            "heard": (kind: "file_out", params: (file: "x.npy")), {}"#,
         args.amps,
         args.input_channel,
-        output_nodes(&args.actuator)?
+        output_nodes(&args.actuator.on(&args.output)?)?
     );
     let wires = r#"("hand.force", "click"), ("click", "limiter"), ("limiter", "out"), ("in", "heard")"#;
     graph("the measurement", args.rate, &nodes, wires)

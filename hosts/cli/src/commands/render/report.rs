@@ -106,6 +106,20 @@ pub fn out_of_range(facts: &[Fact]) -> Vec<String> {
     out
 }
 
+/// Why a node of taps never sounded, if it did not.
+pub fn no_tap(facts: &[Fact]) -> Option<String> {
+    let count = |name: &str| facts.iter().find(|f| f.name == name).map(|f| &f.value);
+    match (count("contacts")?, count("taps")?) {
+        (FactValue::Count(0), _) => {
+            Some("no tap sounded: the stylus never came from the air to a surface that has one".into())
+        }
+        (FactValue::Count(n), FactValue::Count(0)) => {
+            Some(format!("no tap sounded: the approach was below `min_speed_mm_s` in all of {n} contacts"))
+        }
+        _ => None,
+    }
+}
+
 /// Samples that were cut at a card's full scale.
 pub fn clipped(facts: &[Vec<Fact>]) -> u64 {
     let clipped = facts.iter().flatten().filter(|f| f.name == "clipped_samples");
@@ -240,7 +254,7 @@ impl Run<'_> {
             for fact in facts.iter().filter(|f| f.name == "executor") {
                 line("network", format!("`{}`: {}", node.id, fact.value));
             }
-            for text in out_of_range(facts) {
+            for text in out_of_range(facts).into_iter().chain(no_tap(facts)) {
                 line("", format!("`{}`: {text}", node.id));
             }
             if node.role == Some(Role::Limiter) {

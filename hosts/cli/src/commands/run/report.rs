@@ -10,7 +10,9 @@ use asperity_live::view::TimingView;
 use serde_json::{Map, Value, json};
 
 use super::Args;
-use crate::commands::render::report::{clipped, cut_at_full_scale, facts_json, faulty, out_of_range, target};
+use crate::commands::render::report::{
+    clipped, cut_at_full_scale, facts_json, faulty, no_tap, out_of_range, target,
+};
 use crate::lag::{self, Lag};
 
 pub struct Run<'a> {
@@ -155,6 +157,9 @@ impl Run<'_> {
         for (node, facts) in layout.nodes.iter().zip(&self.ended.facts) {
             for text in out_of_range(facts) {
                 line("network", format!("`{}`: {text}", node.id));
+            }
+            if let Some(text) = no_tap(facts) {
+                line("", format!("`{}`: {text}", node.id));
             }
         }
         for path in written {
