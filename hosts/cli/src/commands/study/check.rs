@@ -7,9 +7,10 @@ use std::path::PathBuf;
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
 use asperity_node::Role;
-use asperity_study::{Experiment, Matching, Method, Stimulus, StimulusKind};
+use asperity_study::{Experiment, Method, Stimulus};
 use serde_json::json;
 
+use super::levels::{self, Levels};
 use super::{experiment, stimulus};
 use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, plural, print_report, warn};
@@ -35,14 +36,14 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
     let loaded = load_all(&experiment, &args.plugins)?;
-    print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
+    let levels = Levels::measure(&experiment, 1, &args.plugins)?;
+    print_report(args.json, || as_json(&experiment, loaded, &levels), || text(&experiment, loaded, &levels))?;
     experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
-    warn_of_masking(&experiment);
     Ok(())
 }
 
 /// Loads every stimulus of every trial, at the ends of varied parameters. All must fit one sound card and
-/// engine. Returns how many there are.
+/// engine, and masking noise must have its level. Returns how many there are.
 pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Failure> {
     let mut done = BTreeSet::new();
     let mut first = None;
@@ -57,11 +58,18 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
                     }
                 };
                 for level in levels {
-                    if !done.insert(format!("{} {level:?}", described(&filled))) {
+                    if !done.insert(format!("{} {level:?}", stimulus::described(&filled))) {
                         continue;
                     }
                     let about = |failure| named(failure, experiment, *stimulus);
-                    let Some(schedule) = load_one(&filled, level, plugins).map_err(about)? else { continue };
+                    if stimulus::file_of(&filled).is_none() {
+                        continue;
+                    }
+                    let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
+                    let mut kinds = Kinds::new(&plugins.plugin).looking();
+                    let masking = experiment.masking.as_ref();
+                    let loaded = stimulus::load(&filled, level, 1.0, masking, &args, &mut kinds);
+                    let schedule = loaded.map_err(about)?.compiled.schedule;
                     if schedule.with_role(Role::Force).next().is_some() {
                         let stimulus = &experiment.stimuli[*stimulus].name;
                         warn(&format!("`{stimulus}`: a study does not push back with a device yet"));
@@ -74,6 +82,7 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
             }
         }
     }
+    levels::check_masking(experiment, plugins)?;
     Ok(done.len())
 }
 
@@ -103,48 +112,6 @@ fn ends(method: &Method) -> Vec<f64> {
     }
 }
 
-/// A stimulus in words, without its place.
-fn described(kind: &StimulusKind) -> String {
-    match kind {
-        StimulusKind::Graph { file, set } => {
-            let set: Vec<String> =
-                set.iter().map(|(key, v)| format!("{}={:?}", key.name, v.kind())).collect();
-            format!("graph {:?} {}", file.kind(), set.join(" "))
-        }
-        StimulusKind::Clip { file } => format!("clip {:?}", file.kind()),
-        StimulusKind::Real { mount } => format!("real {:?}", mount.kind()),
-        StimulusKind::Silence => "silence".into(),
-    }
-}
-
-/// The schedule of a stimulus that is a graph.
-fn load_one(
-    kind: &StimulusKind,
-    level: Option<(&str, f64)>,
-    plugins: &PluginArgs,
-) -> Result<Option<Schedule>, Failure> {
-    match kind {
-        StimulusKind::Graph { file, set } => {
-            let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
-            let mut kinds = Kinds::new(&plugins.plugin).looking();
-            let loaded = stimulus::load((file, set), level, 1.0, &args, &mut kinds)?;
-            Ok(Some(loaded.compiled.schedule))
-        }
-        StimulusKind::Clip { file } => {
-            let clip = hound::WavReader::open(stimulus::found(file)?);
-            clip.map(|_| None).map_err(|e| file.error(format!("this clip cannot be read: {e}")).into())
-        }
-        StimulusKind::Real { .. } | StimulusKind::Silence => Ok(None),
-    }
-}
-
-/// Warns that `study run` plays no masking noise yet.
-pub fn warn_of_masking(experiment: &Experiment) {
-    if experiment.masking.is_some() {
-        warn("masking noise is not played yet: play it by other means");
-    }
-}
-
 /// Parts of the file that `study run` does not support yet, in sentences: it refuses such a study.
 pub fn not_yet(experiment: &Experiment) -> Vec<String> {
     let mut found = Vec::new();
@@ -153,18 +120,12 @@ pub fn not_yet(experiment: &Experiment) -> Vec<String> {
         if part.show.iter().any(|kind| kind.len() > 2) {
             found.push(format!("part `{name}`: more than two stimuli at a time cannot be felt yet"));
         }
-        if part.level != Matching::Off {
-            found.push(format!("part `{name}`: levels cannot be matched yet"));
-        }
-    }
-    if experiment.stimuli.iter().any(|s| matches!(s.kind, StimulusKind::Clip { .. })) {
-        found.push("a clip cannot be played yet".into());
     }
     found
 }
 
 /// Adds which stimulus it is about.
-fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
+pub fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
     let Failure::Input(all) = failure else { return failure };
     let stimulus = &experiment.stimuli[stimulus];
     let told = |d: Diagnostic| {
@@ -174,7 +135,7 @@ fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure 
     Failure::Input(all.into_iter().map(told).collect())
 }
 
-fn text(experiment: &Experiment, loaded: usize) -> String {
+fn text(experiment: &Experiment, loaded: usize, levels: &Levels) -> String {
     let counts: Vec<usize> = (0..experiment.parts.len()).map(|i| experiment.trials_of(i, 1).len()).collect();
     let mut out = format!(
         "{}: {}, up to {} and about {:.0} minutes each\n\n",
@@ -196,10 +157,10 @@ fn text(experiment: &Experiment, loaded: usize) -> String {
     if experiment.imbalances().is_empty() {
         out += "balance  every condition is shown equally often in each order of sides\n";
     }
-    out
+    out + &levels.text()
 }
 
-fn as_json(experiment: &Experiment, loaded: usize) -> serde_json::Value {
+fn as_json(experiment: &Experiment, loaded: usize, levels: &Levels) -> serde_json::Value {
     let parts = experiment.parts.iter().enumerate().map(|(i, part)| {
         let trials = experiment.trials_of(i, 1).len();
         json!({
@@ -211,5 +172,6 @@ fn as_json(experiment: &Experiment, loaded: usize) -> serde_json::Value {
     json!({
         "title": experiment.title, "participants": experiment.participants, "minutes": experiment.minutes(),
         "parts": parts.collect::<Vec<_>>(), "stimuli": loaded, "imbalances": experiment.imbalances(),
+        "gains": levels.json(),
     })
 }

@@ -2,6 +2,7 @@
 
 mod analyse;
 mod check;
+mod levels;
 mod run;
 mod simulate;
 mod stimulus;

@@ -13,13 +13,14 @@ use asperity_live::{Session, prepare_live};
 use asperity_node::Role;
 use asperity_page::{Screen, Who, screen};
 use asperity_study::log::{Event, Log};
-use asperity_study::{Conduct, Experiment, Felt, Press, StimulusKind};
+use asperity_study::{Conduct, Experiment, Felt, Masking, Press, StimulusKind};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 
+use super::levels::Levels;
 use super::stimulus::{self, INPUT};
 use super::{COPY, check, experiment};
 use crate::card::{self, DeviceArgs};
@@ -92,7 +93,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let [first, ..] = check::not_yet(&experiment).as_slice() {
         return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
     }
-    check::warn_of_masking(&experiment);
     check::load_all(&experiment, &args.plugins)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
@@ -111,7 +111,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if conduct.is_over() {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
-    let mut stage = Stage::begin(args, &experiment)?;
+    let levels = Levels::measure(&experiment, number, &args.plugins)?;
+    let mut stage = Stage::begin(args, &experiment, levels)?;
     append(&mut log, &path, &[begun(args, &experiment, number)?])?;
     let open = |who, name: &str| {
         let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
@@ -170,7 +171,7 @@ fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
 fn begun(args: &Args, experiment: &Experiment, number: u32) -> Result<Event, Failure> {
     let mut paths = vec![experiment.source.path().to_owned()];
     for stimulus in &experiment.stimuli {
-        if let Some((file, _)) = stimulus::graph_of(&stimulus.kind)
+        if let Some(file) = stimulus::file_of(&stimulus.kind)
             && let Ok(path) = stimulus::found(file)
             && path.is_file()
         {
@@ -209,6 +210,8 @@ struct Stage {
     _hands: Hands,
     /// The stimulus that is played when nothing is felt, as a gain of 0.
     quiet: StimulusKind,
+    masking: Option<Masking>,
+    levels: Levels,
     /// The stimulus that plays, and the one that was sent last.
     now: Key,
     sent: Option<(u64, Key)>,
@@ -220,7 +223,7 @@ struct Stage {
 }
 
 impl Stage {
-    fn begin(args: &Args, experiment: &Experiment) -> Result<Self, Failure> {
+    fn begin(args: &Args, experiment: &Experiment, levels: Levels) -> Result<Self, Failure> {
         let graph_args = GraphArgs {
             hand: args.hand.clone(),
             input: args.input.clone(),
@@ -229,10 +232,17 @@ impl Stage {
             ..GraphArgs::default()
         };
         let mut kinds = Kinds::new(&args.plugins.plugin).apart(true);
-        let quiet = first_graph(experiment)?;
-        let Loaded { graph, compiled, .. } = load(&quiet, None, 0.0, &graph_args, &mut kinds)?;
+        let nothing = || {
+            let what = "no stimulus is a graph or a clip: there is nothing to play";
+            Diagnostic::new(what).in_file(experiment.source.path())
+        };
+        let quiet = stimulus::first(experiment).ok_or_else(nothing)?;
+        let masking = experiment.masking.clone();
+        let Loaded { graph, compiled, .. } =
+            stimulus::load(&quiet, None, 0.0, masking.as_ref(), &graph_args, &mut kinds)?;
         let schedule = &compiled.schedule;
-        let request = card::request(&args.device, schedule)?;
+        let device = stimulus::device(&args.device, schedule, masking.as_ref())?;
+        let request = card::request(&device, schedule)?;
         let mut hands = Hands::default();
         let ids: Vec<String> = schedule.with_role(Role::Hand).map(|(_, node)| node.id.clone()).collect();
         let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
@@ -243,13 +253,15 @@ impl Stage {
         let (controller, player) =
             prepare_live(compiled, &graph, Options::default(), queues, None, Vec::new());
         let session = Session::start(controller, player, None, options);
-        let session = session.map_err(|e| card::not_opened(e, true))?;
+        let session = session.map_err(|e| stimulus::not_opened(e, masking.as_ref()))?;
         Ok(Self {
             args: graph_args,
             kinds,
             session,
             _hands: hands,
             quiet,
+            masking,
+            levels,
             now: None,
             sent: None,
             stylus_mm: [0.0, 0.0, f32::INFINITY],
@@ -428,11 +440,12 @@ impl Stage {
             return Ok(events);
         }
         let Loaded { graph, compiled, .. } = match &felt {
-            Some(Felt { kind, vary, .. }) if stimulus::graph_of(kind).is_some() => {
+            Some(felt @ Felt { kind, vary, .. }) if stimulus::file_of(kind).is_some() => {
                 let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-                load(kind, vary, 1.0, &self.args, &mut self.kinds)?
+                let gain = trial.map_or(1.0, |trial| self.levels.gain(trial, felt));
+                stimulus::load(kind, vary, gain, self.masking.as_ref(), &self.args, &mut self.kinds)?
             }
-            _ => load(&self.quiet, None, 0.0, &self.args, &mut self.kinds)?,
+            _ => stimulus::load(&self.quiet, None, 0.0, self.masking.as_ref(), &self.args, &mut self.kinds)?,
         };
         let controller = self.session.graph_controller();
         match controller.swap(compiled, &graph, &[], Default::default(), Vec::new()) {
@@ -469,32 +482,5 @@ impl Stage {
             "position_mm": place, "drive": view.peak, "misses": view.timing.misses, "faults": view.faults,
             "muted": view.muted, "device": view.device, "problem": problem,
         })
-    }
-}
-
-/// The first stimulus that is a graph: silence is played through its output.
-fn first_graph(experiment: &Experiment) -> Result<StimulusKind, Failure> {
-    for part in 0..experiment.parts.len() {
-        for trial in experiment.trials_of(part, 1) {
-            let shown = trial.places.iter().map(|s| experiment.shown(&trial, *s));
-            if let Some(kind) = shown.into_iter().find(|kind| stimulus::graph_of(kind).is_some()) {
-                return Ok(kind);
-            }
-        }
-    }
-    let what = "no stimulus is a graph: there is nothing to play";
-    Err(Diagnostic::new(what).in_file(experiment.source.path()).into())
-}
-
-fn load(
-    kind: &StimulusKind,
-    vary: Option<(&str, f64)>,
-    gain: f64,
-    args: &GraphArgs,
-    kinds: &mut Kinds,
-) -> Result<Loaded, Failure> {
-    match stimulus::graph_of(kind) {
-        Some(graph) => stimulus::load(graph, vary, gain, args, kinds),
-        None => Err(Failure::Machine("this stimulus is no graph".into())),
     }
 }
