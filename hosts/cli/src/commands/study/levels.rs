@@ -263,13 +263,16 @@ impl Levels {
             known.push(condition);
             let levels =
                 trial.cell.iter().map(|(f, level)| self.experiment.factors[*f].levels[*level].clone());
+            let name = |stimulus: &usize| self.experiment.stimuli[*stimulus].name.clone();
+            let entry = part.show[trial.kind].iter().map(name).collect::<Vec<_>>().join("-");
+            let condition = levels.chain([entry]).collect::<Vec<_>>().join(", ");
             let target = self.target(trial);
             for stimulus in self.matched(trial) {
                 let Some(points) = self.points(trial, stimulus) else { continue };
                 rows.push(Row {
                     part: part.name.clone(),
-                    condition: levels.clone().collect::<Vec<_>>().join(", "),
-                    stimulus: self.experiment.stimuli[stimulus].name.clone(),
+                    condition: condition.clone(),
+                    stimulus: name(&stimulus),
                     gains: points.iter().map(|(level, db)| (*level, target - db)).collect(),
                 });
             }
