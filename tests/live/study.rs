@@ -342,7 +342,7 @@ fn masking_goes_on_over_swaps_of_matched_stimuli() {
         let db = 20.0 * rms.log10();
         println!("noise at {db:.2} dBFS over {} s and {} swaps", noise.len() / 48_000, felt.len());
         assert!((db + 30.0).abs() < 0.2, "{db} dBFS");
-        // Uniform noise has no larger step than 2 x 1.73 its level, of which the limiter's high-pass takes little.
+        // Uniform noise has no larger step than 2 x 1.73 its level.
         let step = noise.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
         assert!(f64::from(step) < 1.02 * 12f64.sqrt() * 10f64.powf(-1.5), "a click of {step}");
         let mut known = std::collections::HashSet::new();

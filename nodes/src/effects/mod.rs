@@ -82,7 +82,7 @@ impl Renders for Descriptor {
 }
 
 /// The output for a vibration.
-fn acceleration() -> Output {
+pub(crate) fn acceleration() -> Output {
     Output::new("acceleration", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
 }
 

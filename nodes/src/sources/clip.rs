@@ -1,6 +1,6 @@
 //! `clip`: a recorded acceleration.
 
-use crate::effects::{MAX_RECORDED, close};
+use crate::effects::{MAX_RECORDED, acceleration, close};
 use crate::prelude::*;
 use asperity_data::wav::Wav;
 use asperity_dsp::{Conversion, FilterPhase, Resampler};
@@ -33,15 +33,10 @@ impl Node for Clip {
     fn descriptor() -> Descriptor {
         Descriptor::new(
             "clip",
-            "Plays a recorded acceleration from a WAV file while the stylus is in contact, from its beginning.",
+            "Plays a recorded acceleration from a WAV file while the stylus is in contact.",
         )
         .input(control("force", 1, N).doc("normal force; above 0 the stylus is in contact"))
-        .output(Output::new(
-            "acceleration",
-            ShapeSpec::Audio(RateSpec::Graph),
-            Unit::METRE_PER_SECOND_SQUARED,
-        ))
-        .doc("acceleration of the recording")
+        .output(acceleration().doc("acceleration of the recording"))
         .param(file("file").doc("WAV file of any rate."))
         .param(number("full_scale_m_s2", 1.0, 1e-3..=1e5, "m/s^2").optional())
         .doc("Acceleration at full scale. A file of floats may leave it out if it holds m/s^2.")

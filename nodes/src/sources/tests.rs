@@ -177,7 +177,7 @@ fn noise_has_its_level_and_colour() {
             .map(|(n, db)| db - n as f64 * db_an_octave)
             .collect();
         let mean = octaves.iter().sum::<f64>() / octaves.len() as f64;
-        println!("{colour}: {db:.2} dB; octaves {octaves:.1?}, mean {mean:.2}");
+        println!("{colour}: {db:.2} dB, peak {most}; octaves {octaves:.1?}, mean {mean:.2}");
         assert!(octaves.iter().all(|db| (db - mean).abs() < 0.6), "{colour}: {octaves:.2?}");
     }
 }
@@ -231,6 +231,12 @@ fn touch(clip: &mut Alone, first: u64, touches: &[bool]) -> Vec<f32> {
     out
 }
 
+/// Checks that samples are alike, and says where they are not.
+fn alike(found: &[f32], wanted: &[f32]) {
+    let other = found.iter().zip(wanted).position(|(a, b)| (a - b).abs() > 1e-4);
+    assert!(other.is_none() && found.len() == wanted.len(), "sample {other:?} of {}", found.len());
+}
+
 #[test]
 fn clip_begins_anew_at_each_contact_without_a_click() {
     let dir = tempfile::tempdir().unwrap();
@@ -239,10 +245,10 @@ fn clip_begins_anew_at_each_contact_without_a_click() {
     let out = touch(&mut it, 0, &[&[false; 5][..], &[true; 20], &[false; 5], &[true; 200]].concat());
     // In the air it is silent; from contact on it is the file's beginning, after a fade of 5 ms.
     assert!(out[..480].iter().all(|x| *x == 0.0));
-    assert_eq!(out[480 + 240..480 + 20 * 96], tone[240..20 * 96]);
+    alike(&out[480 + 240..480 + 20 * 96], &tone[240..20 * 96]);
     let again = 480 + 25 * 96;
     assert!(out[again - 96..again].iter().all(|x| *x == 0.0), "it fades out within 5 ms");
-    assert_eq!(out[again + 240..again + 9600 - 240], tone[240..9600 - 240]);
+    alike(&out[again + 240..again + 9600 - 240], &tone[240..9600 - 240]);
     // It ends with the file, while contact lasts.
     assert!(out[again + 9600..].iter().all(|x| *x == 0.0));
     let steepest = 3.0 * (TAU * 100.0 / 48_000.0) as f32 + 3.0 * 1.5 / 240.0;
@@ -252,7 +258,7 @@ fn clip_begins_anew_at_each_contact_without_a_click() {
     let out = touch(&mut it, 0, &[&[true; 20][..], &[false], &[true; 50]].concat());
     assert!(crate::bench::largest_step(&out) < steepest, "{}", crate::bench::largest_step(&out));
     let again = 20 * 96 + 240;
-    assert_eq!(out[again + 240..again + 2000], tone[240..2000]);
+    alike(&out[again + 240..again + 2000], &tone[240..2000]);
 }
 
 #[test]
