@@ -19,7 +19,7 @@ const OLD_CPU: &str = "Nehalem";
 const KEPT: &str = "tests/data/renders.txt";
 
 /// Graphs of a hand.
-const HANDS: [&str; 3] = ["live.ron", "haply.ron", "openhaptics.ron"];
+const HANDS: [&str; 4] = ["clip.ron", "live.ron", "haply.ron", "openhaptics.ron"];
 
 /// A render: its name and what follows `asperity render`.
 fn renders() -> BTreeMap<String, Vec<String>> {

@@ -149,3 +149,174 @@ fn study_of_the_docs_runs() {
     let report = std::fs::read_to_string(dir.join("out/REPORT.md")).unwrap();
     assert!(report.contains("PSE") && report.contains("JND"), "{report}");
 }
+
+/// A tone that a stylus on a surface lets through, as an acceleration.
+fn tone(m_s2: f64, hz: f64) -> String {
+    format!(
+        "Graph(version: 1, tick_hz: 500, audio_hz: 48000, nodes: {{
+            \"stylus\": (kind: \"stroke\"),
+            \"tone\": (kind: \"sine\", params: (unit: \"m/s^2\", amplitude: {m_s2:?}, frequency_hz: {hz:?})),
+            \"inverse\": (kind: \"actuator_inverse\"),
+            \"limiter\": (kind: \"limiter\"),
+            \"out\": (kind: \"audio_out\"),
+        }}, wires: [(\"tone\", \"inverse\"), (\"inverse\", \"limiter\"), (\"limiter\", \"out\")])"
+    )
+}
+
+/// A study of two tones, `loud.ron` and `soft.ron`.
+fn tones(fields: &str, part: &str) -> String {
+    study(fields, part)
+        .replace(", set: {\"texture.material\": \"oak\"}", "")
+        .replace(", set: {\"texture.material\": \"needle felt\"}", "")
+        .replacen("graphs/texture.ron", "loud.ron", 1)
+        .replacen("graphs/texture.ron", "soft.ron", 1)
+}
+
+/// Gains in dB that `study check` tells, in the order of `show`.
+fn gains(dir: &Room) -> Vec<Vec<f64>> {
+    let told = dir.run("study check s.ron --json").json();
+    let all = told["gains"].as_array().unwrap();
+    let of = |row: &serde_json::Value| {
+        row["gains"].as_array().unwrap().iter().map(|g| g["gain_db"].as_f64().unwrap()).collect()
+    };
+    all.iter().map(of).collect()
+}
+
+/// Root mean square of a graph's acceleration in contact, 0.2 s after its beginning.
+fn rms_in_contact(dir: &Room, material: &str, gain: f64) -> f64 {
+    let set = [format!("texture.material={material}"), format!("strength.gain={gain}")];
+    let probes = ["strength.out=a.npy", "stylus.position=p.npy"];
+    let [a, b] = probes.map(|probe| ["--probe", probe]);
+    let line = ["render", "graphs/texture.ron", "--out", "o.wav", "--set", &set[0], "--set", &set[1]];
+    harness::run(dir, &[&line[..], &a, &b].concat()).ok();
+    let read = |file: &str| asperity_accuracy::npy::read(dir.join(file)).unwrap().into_f64();
+    let (signal, place) = (read("a.npy"), read("p.npy"));
+    let mut since = 0;
+    let (mut sum, mut count) = (0.0, 0);
+    for (tick, samples) in signal.chunks(96).enumerate() {
+        since = if place[3 * tick + 2] < 0.0 { since + 1 } else { 0 };
+        if since > 100 {
+            sum += samples.iter().map(|x| x * x).sum::<f64>();
+            count += samples.len();
+        }
+    }
+    (sum / f64::from(count as u32)).sqrt()
+}
+
+#[test]
+fn matched_textures_have_equal_levels_in_contact() {
+    let dir = Room::new();
+    dir.write("s.ron", study("", &format!("{RATE} level: rms")));
+    let gains = gains(&dir);
+    let [oak, felt] = [gains[0][0], gains[1][0]];
+    assert!(oak.max(felt).abs() < 1e-9 && oak.min(felt) < -1.0, "the weakest stays: {oak} and {felt} dB");
+    let matched = |material, db: f64| rms_in_contact(&dir, material, 0.2 * 10f64.powf(db / 20.0));
+    let (oak, felt) = (matched("oak", oak), matched("needle felt", felt));
+    let db = 20.0 * (oak / felt).log10();
+    assert!(db.abs() < 0.1, "{oak} and {felt} m/s^2 lie {db} dB apart");
+    dir.run("study check s.ron").ok().says(&["gains over zigzag.csv", "oak", " dB"]);
+}
+
+#[test]
+fn tones_12_db_apart_are_matched_at_every_level() {
+    let dir = Room::new();
+    dir.write("loud.ron", tone(2.0, 120.0));
+    dir.write("soft.ron", tone(0.5, 120.0));
+    dir.write("s.ron", tones("", &format!("{RATE} level: rms")));
+    let near = |found: &[f64], wanted: &[f64]| {
+        assert_eq!(found.len(), wanted.len());
+        assert!(found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 0.01), "{found:?}, not {wanted:?}");
+    };
+    let all = gains(&dir);
+    near(&all[0], &[-12.041]);
+    near(&all[1], &[0.0]);
+    let vary = "ask: [which(name: \"w\", text: \"?\")], level: rms, vary: (stimulus: \"oak\", \
+                set: \"tone.amplitude\", by: constant(levels: [1, 0.25, 2], each: 2))";
+    dir.write("s.ron", tones("", vary));
+    let all = gains(&dir);
+    near(&all[0], &[0.0, -12.041, -18.062]);
+    near(&all[1], &[-6.021]);
+    // A tone of 250 Hz is felt far more easily than one of 40 Hz of the same acceleration.
+    dir.write("loud.ron", tone(1.0, 250.0));
+    dir.write("soft.ron", tone(1.0, 40.0));
+    dir.write("s.ron", tones("", &format!("{RATE} level: perceptual")));
+    let threshold = |hz: f64| {
+        let rise = 62.0 * ((hz / 550.0 + 6.0 / 11.0).log10() / (6f64 / 11.0).log10()).powi(2);
+        0.03 * 10f64.powf(rise / 20.0) * (std::f64::consts::TAU * hz).powi(2)
+    };
+    let wanted = -20.0 * (threshold(40.0) / threshold(250.0)).log10();
+    let all = gains(&dir);
+    println!("{all:?} wanted {wanted}");
+    assert!(wanted < -1.0 && (all[0][0] - wanted).abs() < 0.3, "{} dB, not {wanted}", all[0][0]);
+}
+
+#[test]
+fn levels_that_cannot_be_matched_are_refused() {
+    let dir = Room::new();
+    dir.write("loud.ron", tone(2.0, 120.0));
+    dir.write("soft.ron", tone(0.0, 120.0));
+    dir.write("s.ron", tones("", &format!("{RATE} level: rms")));
+    dir.run("study check s.ron").refused("a silent stimulus has no level to match").says(&["s.ron:4:"]);
+    dir.write(
+        "soft.ron",
+        tone(1.0, 120.0).replace("m/s^2", "A").replace("(\"tone\", \"inverse\"), (\"inverse\"", "(\"tone\""),
+    );
+    dir.run("study check s.ron").refused("is a signal in A, and another one in m/s^2").says(&["s.ron:4:"]);
+    dir.write("s.ron", tones("", &format!("{RATE} level: perceptual")));
+    dir.run("study check s.ron").refused("the perceptual level needs an acceleration").says(&["s.ron:4:"]);
+    dir.write("s.ron", tones("stroke: \"none.csv\",", &format!("{RATE} level: rms")));
+    dir.run("study check s.ron").refused("there is no file none.csv").says(&["s.ron:1:"]);
+    dir.write("air.csv", harness::csv(1.0, |t| [10.0 * t, 0.0, 5.0]));
+    dir.write("s.ron", tones("stroke: \"air.csv\",", &format!("{RATE} level: rms")));
+    dir.run("study check s.ron").refused("the stylus touches for less than 0.2 s").says(&["air.csv"]);
+}
+
+#[test]
+fn masking_that_the_limits_hold_back_is_refused() {
+    let dir = Room::new();
+    dir.write("loud.ron", tone(2.0, 120.0));
+    dir.write("soft.ron", tone(0.5, 120.0));
+    for colour in ["white", "pink"] {
+        for dbfs in [-12.0, -30.0] {
+            let masking = format!("masking: {colour}(dbfs: {dbfs}, channels: [2, 3]),");
+            dir.write("s.ron", tones(&masking, RATE));
+            let ran = dir.run("study check s.ron").ok();
+            assert!(!ran.err.contains("masking"), "{}", ran.err);
+        }
+    }
+    let strong = "\"audio_out\", params: (volts_at_full_scale: 30.0)";
+    dir.write("loud.ron", tone(2.0, 120.0).replace("\"audio_out\"", strong));
+    dir.write("soft.ron", tone(2.0, 120.0).replace("\"audio_out\"", strong));
+    dir.run("study check s.ron").ok();
+    dir.write("s.ron", tones("masking: white(dbfs: -12, channels: [2]),", RATE));
+    dir.run("study check s.ron").refused("the actuator's limits hold this noise back").says(&["s.ron:1:"]);
+    // A channel of the stimuli, and one that the card lacks.
+    dir.write("s.ron", tones("masking: white(dbfs: -30, channels: [1]),", RATE));
+    let run = "study run s.ron --participant P1 --input graphs/trajectories/zigzag.csv";
+    dir.run(&format!("{run} --device simulated")).refused("channel 1 plays the stimuli").says(&["s.ron:1:"]);
+    dir.write("s.ron", tones("masking: white(dbfs: -30, channels: [3]),", RATE));
+    dir.run(&format!("{run} --out o --device simulated")).refused("channel").says(&["s.ron:1:", "1 to 2"]);
+}
+
+#[test]
+fn clip_is_checked_like_a_graph() {
+    let dir = Room::new();
+    let clip = |fields: &str| {
+        study("", RATE).replace(
+            "graph(file: \"graphs/texture.ron\", set: {\"texture.material\": \"oak\"})",
+            &format!("clip(file: \"a.wav\"{fields})"),
+        )
+    };
+    dir.write("s.ron", clip(""));
+    dir.run("study check s.ron").refused("a.wav").says(&["s.ron:3:"]);
+    dir.write("a.wav", "no sound");
+    dir.run("study check s.ron").refused("a.wav: not a WAV file").says(&["for the stimulus `oak`"]);
+    dir.run("render graphs/texture.ron --out a.wav --format i16 --seconds 3").ok();
+    dir.run("study check s.ron").refused("does not say its acceleration").says(&["s.ron:3:"]);
+    dir.write("s.ron", clip(", full_scale_m_s2: 1e9"));
+    dir.run("study check s.ron").refused("out of range").says(&["s.ron:3:"]);
+    let matched = |fields: &str| clip(fields).replace("name: \"rating\",", "name: \"rating\", level: rms,");
+    dir.write("s.ron", matched(", full_scale_m_s2: 20, loop: true"));
+    let told = gains(&dir);
+    assert_eq!(told.len(), 2, "a clip has a level, too: {told:?}");
+}

@@ -295,6 +295,64 @@ fn session_of_another_study_is_refused() {
     harness::run(&dir, &LINE).refused("has changed since people took part");
 }
 
+/// Two tones of other levels, which are matched, and noise on the second channel.
+const MASKED: &str = r#"Experiment(version: 1, title: "Masked", participants: 2, missed: 1.0,
+    stimuli: {"weak": graph(file: "weak.ron"), "strong": graph(file: "strong.ron")},
+    masking: white(dbfs: -30, channels: [2]),
+    parts: [(name: "one", show: [("weak", "strong")], level: rms,
+        ask: [which(name: "stronger", text: "Which is stronger?")])],
+)"#;
+
+#[test]
+fn masking_goes_on_over_swaps_of_matched_stimuli() {
+    let Some(_) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
+    told(|| {
+        let dir = folder(1);
+        dir.write("study.ron", MASKED);
+        let ear = Ear::new(60 * 48_000);
+        let jack = |arg: &&'static str| match *arg {
+            "--device" => "--host",
+            arg if arg.starts_with("simulated") => "jack",
+            arg => arg,
+        };
+        let line: Vec<&str> = LINE.iter().map(jack).chain(["--loop"]).collect();
+        let mut running = Running::line(&dir, &line);
+        ear.hear(running.live.id());
+        assert_eq!(running.go_on().expect("it runs").1, 204);
+        ear.wait(5 * 48_000);
+        assert_eq!(running.go_on().expect("it runs").1, 204);
+        assert_eq!(running.live.end().code, 0);
+        let felt = |event: &Event| match event {
+            Event::Stimulus { place, .. } => *place,
+            _ => None,
+        };
+        let felt: Vec<usize> = events(&dir).iter().filter_map(felt).collect();
+        assert!(felt.contains(&0) && felt.contains(&1) && felt.len() > 4, "{felt:?}");
+        let heard = ear.stop();
+        // Both tones are as strong as the weak one.
+        let most = heard.iter().fold(0.0_f32, |most, [left, _]| most.max(left.abs()));
+        assert!((0.018..0.0202).contains(&most), "{most} A, of 0.02 and 0.05");
+        // From the first second, when the session has faded in, to the last, when it fades out.
+        let noise: Vec<f32> = heard.iter().map(|[_, right]| *right).skip_while(|x| *x == 0.0).collect();
+        let noise = &noise[48_000..noise.len() - 48_000 * 3 / 2];
+        if noise.windows(8).any(|w| w.iter().all(|x| *x == 0.0)) {
+            return Err("the machine has a gap".into());
+        }
+        let rms = (noise.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / noise.len() as f64).sqrt();
+        let db = 20.0 * rms.log10();
+        println!("noise at {db:.2} dBFS over {} s and {} swaps", noise.len() / 48_000, felt.len());
+        assert!((db + 30.0).abs() < 0.2, "{db} dBFS");
+        // Uniform noise has no larger step than 2 x 1.73 its level.
+        let step = noise.windows(2).map(|w| (w[1] - w[0]).abs()).fold(0.0, f32::max);
+        assert!(f64::from(step) < 1.02 * 12f64.sqrt() * 10f64.powf(-1.5), "a click of {step}");
+        let mut known = std::collections::HashSet::new();
+        let repeats =
+            noise.windows(3).filter(|w| !known.insert([w[0], w[1], w[2]].map(f32::to_bits))).count();
+        assert_eq!(repeats, 0, "samples that come again");
+        Ok(())
+    });
+}
+
 /// A tone on the left alone: each crossing is an onset or an offset.
 const ONSETS: &str = r#"Experiment(version: 1, title: "Onsets", participants: 1, missed: 1.0,
     stimuli: {"tone": graph(file: "strong.ron")},

@@ -16,6 +16,8 @@ pub struct Wav {
     pub rate_hz: u32,
     /// Number of channels, at least 1.
     pub channels: usize,
+    /// Whether its samples are floats.
+    pub is_float: bool,
     /// Samples, channel by channel in turn; 1 is full scale.
     pub samples: Vec<f64>,
 }
@@ -45,6 +47,7 @@ impl Wav {
             let length = reader.duration();
             return Err(fail(format!("{length} samples are too long")).help(format!("at most {most}")));
         }
+        let is_float = spec.sample_format == SampleFormat::Float;
         let samples: Result<Vec<f64>, hound::Error> = match spec.sample_format {
             SampleFormat::Float => reader.into_samples::<f32>().map(|s| s.map(f64::from)).collect(),
             SampleFormat::Int => {
@@ -53,7 +56,7 @@ impl Wav {
             }
         };
         let samples = samples.map_err(|e| fail(format!("not a WAV file that can be read: {e}")))?;
-        Ok(Self { rate_hz: spec.sample_rate, channels: usize::from(spec.channels), samples })
+        Ok(Self { rate_hz: spec.sample_rate, channels: usize::from(spec.channels), is_float, samples })
     }
 
     /// The samples of one channel, from 0. A channel that does not exist is empty.
@@ -87,7 +90,7 @@ mod tests {
             [16_384_i16, -32_768, 0, 8192].iter().for_each(|x| w.write_sample(*x).unwrap())
         });
         let wav = Wav::read(&dir.path().join("a.wav"), 2).unwrap();
-        assert_eq!((wav.rate_hz, wav.channels), (8000, 2));
+        assert_eq!((wav.rate_hz, wav.channels, wav.is_float), (8000, 2, false));
         assert_eq!(wav.channel(0).collect::<Vec<_>>(), [0.5, 0.0]);
         assert_eq!(wav.channel(1).collect::<Vec<_>>(), [-1.0, 0.25]);
         assert_eq!(wav.channel(2).count(), 0);

@@ -60,6 +60,8 @@ pub struct Experiment {
     pub words: Vec<(String, String)>,
     /// Noise on other channels of the sound card.
     pub masking: Option<Masking>,
+    /// Recorded stroke over which levels are matched; by default a shipped one.
+    pub stroke: Option<Value>,
     /// Larger share of missed deadlines marks a trial, 0 to 1.
     pub missed: f64,
     /// Model of a person for simulations.
@@ -102,6 +104,8 @@ pub enum StimulusKind {
     Clip {
         /// Path from the experiment's folder, and its place.
         file: Value,
+        /// Settings of the node `clip`, each `clip.parameter`.
+        set: Vec<(Key, Value)>,
     },
     /// A real sample that the experimenter mounts.
     Real {
@@ -224,8 +228,12 @@ pub struct Masking {
     pub is_pink: bool,
     /// Root mean square below full scale in dB.
     pub dbfs: f64,
-    /// Channels of the sound card, from 0.
+    /// Channels of the sound card, from 1.
     pub channels: Vec<u16>,
+    /// Seed of the noise; each channel has its own noise.
+    pub seed: u64,
+    /// Its place in the file.
+    pub place: Place,
 }
 
 impl Experiment {
@@ -254,7 +262,8 @@ impl Experiment {
         let stimuli = stimuli(record.required("stimuli")?, &factors)?;
         let missed = record.optional("missed").map_or(Ok(0.01), |v| v.f64_in(0.0..=1.0, ""))?;
         let repeat_marked = record.optional("repeat_marked").map_or(Ok(true), Value::bool)?;
-        let masking = record.optional("masking").map(masking).transpose()?;
+        let masking = record.optional("masking").map(|v| masking(v, seed)).transpose()?;
+        let stroke = record.optional("stroke").map(|v| templated(v, &[])).transpose()?;
         let words = record.optional("words").map_or(Ok(Vec::new()), screen_words)?;
         let person = record.optional("person").map_or(Ok(Person::default()), Person::read)?;
         let survey = list(record.optional("survey"), Question::read)?;
@@ -281,6 +290,7 @@ impl Experiment {
             survey,
             words,
             masking,
+            stroke,
             missed,
             person,
             repeat_marked,
@@ -406,6 +416,9 @@ fn factors(value: &Value) -> Result<Vec<Factor>, Diagnostic> {
     Ok(factors)
 }
 
+/// Parameters of the node `clip` that a clip may set.
+const CLIP: &[&str] = &["full_scale_m_s2", "channel", "loop", "crossfade_ms", "fade_ms"];
+
 fn stimuli(value: &Value, factors: &[Factor]) -> Result<Vec<Stimulus>, Diagnostic> {
     let mut stimuli = Vec::new();
     for (key, of) in value.map()? {
@@ -425,7 +438,14 @@ fn stimuli(value: &Value, factors: &[Factor]) -> Result<Vec<Stimulus>, Diagnosti
             (_, Some(mut record)) => {
                 let kind = match name {
                     "real" => StimulusKind::Real { mount: templated(record.required("mount")?, factors)? },
-                    "clip" => StimulusKind::Clip { file: templated(record.required("file")?, factors)? },
+                    "clip" => {
+                        let file = templated(record.required("file")?, factors)?;
+                        let setting = |name: &&str| {
+                            let value = record.optional(name)?;
+                            Some((Key { name: format!("clip.{name}"), span: value.span() }, value.clone()))
+                        };
+                        StimulusKind::Clip { file, set: CLIP.iter().filter_map(setting).collect() }
+                    }
                     _ => {
                         let file = templated(record.required("file")?, factors)?;
                         let set = record.optional("set").map_or(Ok(&[][..]), Value::map)?;
@@ -473,18 +493,21 @@ fn known_factors(value: &Value, factors: &[Factor]) -> Result<(), Diagnostic> {
     }
 }
 
-fn masking(value: &Value) -> Result<Masking, Diagnostic> {
+fn masking(value: &Value, seed: u64) -> Result<Masking, Diagnostic> {
     let name = variant(value, &["white", "pink"])?;
     let mut record = value.record(name)?;
-    let dbfs = record.required("dbfs")?.f64_in(-100.0..=-6.0, "dB")?;
-    let channel = |v: &Value| v.i64_in(0..=255, "").map(|n| n as u16);
+    let dbfs = record.required("dbfs")?.f64_in(-100.0..=-12.0, "dB")?;
+    let channel = |v: &Value| v.i64_in(1..=256, "").map(|n| n as u16);
     let listed = record.required("channels")?;
     let channels = listed.list()?.iter().map(channel).collect::<Result<Vec<_>, _>>()?;
     record.finish()?;
     if channels.is_empty() {
         return Err(listed.error("no channels").help("[2, 3]"));
     }
-    Ok(Masking { is_pink: name == "pink", dbfs, channels })
+    if let Some(twice) = (1..channels.len()).find(|i| channels[..*i].contains(&channels[*i])) {
+        return Err(listed.error(format!("channel {} stands twice", channels[twice])));
+    }
+    Ok(Masking { is_pink: name == "pink", dbfs, channels, seed, place: value.place() })
 }
 
 /// Keys of the words that screens show.
@@ -551,13 +574,19 @@ fn part(value: &Value, named: Named<'_>) -> Result<Part, Diagnostic> {
     let count = |v: &Value| v.i64_in(1..=1000, "").map(|n| n as u32);
     let repeats = record.optional("repeats").map_or(Ok(1), count)?;
     let break_every = record.optional("break_every").map(count).transpose()?;
-    let matched = record.optional("level").map_or(Ok("off"), |v| v.choice(&["off", "rms", "perceptual"]))?;
-    let level = match matched {
+    let matched = record.optional("level");
+    let level = match matched.map_or(Ok("off"), |v| v.choice(&["off", "rms", "perceptual"]))? {
         "rms" => Matching::Rms,
         "perceptual" => Matching::Perceptual,
         _ => Matching::Off,
     };
     let vary = record.optional("vary").map(|v| vary(v, named)).transpose()?;
+    if let Some(matched) = matched.filter(|_| level != Matching::Off)
+        && most + usize::from(reference.is_some()) < 2
+        && vary.is_none()
+    {
+        return Err(matched.error("a trial of this part has one stimulus: there is no level to match"));
+    }
     let listed = record.optional("ask");
     let ask = list(listed, Question::read)?;
     let trial_s = record.optional("trial_s").map_or(Ok(20.0), |v| v.f64_in(0.1..=3600.0, "s"))?;
@@ -728,7 +757,7 @@ impl Stimulus {
                 file: fill(file),
                 set: set.iter().map(|(key, value)| (key.clone(), fill(value))).collect(),
             },
-            StimulusKind::Clip { file } => StimulusKind::Clip { file: fill(file) },
+            StimulusKind::Clip { file, set } => StimulusKind::Clip { file: fill(file), set: set.clone() },
             StimulusKind::Real { mount } => StimulusKind::Real { mount: fill(mount) },
             StimulusKind::Silence => StimulusKind::Silence,
         }
@@ -739,7 +768,7 @@ impl StimulusKind {
     /// Path of its file, if it has one.
     pub fn file(&self) -> Option<PathBuf> {
         match self {
-            Self::Graph { file, .. } | Self::Clip { file } => file.path().ok(),
+            Self::Graph { file, .. } | Self::Clip { file, .. } => file.path().ok(),
             _ => None,
         }
     }
@@ -796,6 +825,19 @@ mod tests {
             ("factors: {\"a\": [\"b\", \"b\"]},", "show: [\"x\"]".to_owned(), "`b` is used twice", "\"b\""),
             ("", "show: [\"x\"], repeats: 0".to_owned(), "0 is out of range", "0"),
             ("masking: white(dbfs: 3, channels: [2]),", "show: [\"x\"]".to_owned(), "3 dB is out", "3"),
+            (
+                "masking: white(dbfs: -30, channels: [0]),",
+                "show: [\"x\"]".to_owned(),
+                "0 is out of range",
+                "0",
+            ),
+            (
+                "masking: pink(dbfs: -30, channels: [3, 2, 3]),",
+                "show: [\"x\"]".to_owned(),
+                "channel 3 stands twice",
+                "[3, 2, 3]",
+            ),
+            ("", "show: [\"x\"], level: rms".to_owned(), "no level to match", "rms"),
             ("words: {\"nxt\": \"Weiter\"},", "show: [\"x\"]".to_owned(), "no word `nxt`", "\"nxt\""),
             (
                 "",

@@ -36,6 +36,7 @@ pub use tap::Tap;
 pub use vibration::Vibration;
 pub use viscosity::Viscosity;
 pub use waveform::Waveform;
+pub(crate) use waveform::close;
 
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
@@ -81,7 +82,7 @@ impl Renders for Descriptor {
 }
 
 /// The output for a vibration.
-fn acceleration() -> Output {
+pub(crate) fn acceleration() -> Output {
     Output::new("acceleration", ShapeSpec::Audio(RateSpec::Graph), Unit::METRE_PER_SECOND_SQUARED)
 }
 
@@ -176,7 +177,7 @@ fn files(setup: &Setup<'_>) -> Vec<PathBuf> {
 }
 
 /// Most samples of a recording: a minute and a half at 48 kHz.
-const MAX_RECORDED: u32 = 1 << 22;
+pub(crate) const MAX_RECORDED: u32 = 1 << 22;
 
 /// A recording that settings name. Its file is not read yet.
 struct Recorded {

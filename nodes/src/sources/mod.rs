@@ -1,14 +1,19 @@
-//! Signals that begin in a graph: `audio_in`, and `sine`, `sweep` and `impulse` to measure with.
+//! Signals that begin in a graph: `audio_in`, `clip`, `noise`, and `sine`, `sweep` and `impulse` to measure
+//! with.
 
 mod audio_in;
+mod clip;
 mod impulse;
+mod noise;
 mod sine;
 mod sweep;
 #[cfg(test)]
 mod tests;
 
 pub use audio_in::AudioIn;
+pub use clip::Clip;
 pub use impulse::Impulse;
+pub use noise::Noise;
 pub use sine::Sine;
 pub use sweep::Sweep;
 

@@ -1,6 +1,7 @@
 use std::f64::consts::TAU;
 
 use asperity_checks::{Stop, Subject, node_cases};
+use asperity_dsp::Stft;
 use asperity_node::{ParamValue, Shape, Status};
 
 use crate::bench::{Alone, largest_step};
@@ -27,7 +28,7 @@ fn play(source: &mut Alone, ticks: std::ops::Range<u64>) -> Vec<f32> {
 
 #[test]
 fn sources_are_as_every_node_must_be() {
-    for kind in ["sine", "sweep"] {
+    for kind in ["sine", "sweep", "noise"] {
         let mut subject = Subject::one(crate::registry().get(kind).unwrap().clone());
         subject.ticks = 500;
         for case in node_cases() {
@@ -141,4 +142,171 @@ fn a_sweep_of_shape_displacement_is_small_where_it_is_slow() {
     // 100 Hz are reached after half the time: from there on flat, 31.6 Hz a quarter in.
     assert!((peak(2.1, 3.9) - 0.1).abs() < 1e-4);
     assert!((peak(0.9, 1.01) - 0.0316).abs() < 0.002, "{}", peak(0.9, 1.01));
+}
+
+fn noise(colour: &str) -> Alone {
+    let set = [("rms", ParamValue::Number(0.25)), ("colour", ParamValue::Text(colour.into()))];
+    Alone::new("noise", &set, (TICK_HZ, 1, RATE), &[], &[Shape::Audio { rate_hz: RATE }]).unwrap()
+}
+
+fn rms(x: &[f32]) -> f64 {
+    (x.iter().map(|x| f64::from(*x).powi(2)).sum::<f64>() / x.len() as f64).sqrt()
+}
+
+#[test]
+fn noise_has_its_level_and_colour() {
+    const LENGTH: usize = 32_768;
+    for (colour, db_an_octave) in [("white", 10.0 * 2f64.log10()), ("pink", 0.0)] {
+        let out = play(&mut noise(colour), 0..40 * u64::from(TICK_HZ));
+        let db = 20.0 * (rms(&out) / 0.25).log10();
+        assert!(db.abs() < 0.2, "{colour}: {db} dB");
+        let most = out.iter().fold(0.0f32, |m, x| m.max(x.abs()));
+        assert!(colour == "pink" || most <= 0.25 * 3f32.sqrt(), "{most}");
+        let mut stft = Stft::<f64>::new(LENGTH);
+        let mut powers = vec![0.0; LENGTH / 2 + 1];
+        for part in out.chunks_exact(LENGTH) {
+            let part: Vec<f64> = part.iter().map(|x| f64::from(*x)).collect();
+            powers.iter_mut().zip(stft.process(&part)).for_each(|(sum, bin)| *sum += bin.norm_sqr());
+        }
+        // Octaves from 20 Hz to a fifth of the rate.
+        let bin = |hz: f64| (hz * LENGTH as f64 / f64::from(RATE)).round() as usize;
+        let octaves: Vec<f64> = (0..8)
+            .map(|n| 20.0 * 2f64.powi(n))
+            .map(|hz| 10.0 * powers[bin(hz)..bin(2.0 * hz)].iter().sum::<f64>().log10())
+            .enumerate()
+            .map(|(n, db)| db - n as f64 * db_an_octave)
+            .collect();
+        let mean = octaves.iter().sum::<f64>() / octaves.len() as f64;
+        println!("{colour}: {db:.2} dB, peak {most}; octaves {octaves:.1?}, mean {mean:.2}");
+        assert!(octaves.iter().all(|db| (db - mean).abs() < 0.6), "{colour}: {octaves:.2?}");
+    }
+}
+
+#[test]
+fn noise_goes_on_in_another_node_of_its_seed() {
+    for colour in ["white", "pink"] {
+        let (mut old, mut new) = (noise(colour), noise(colour));
+        let whole = play(&mut old, 0..200);
+        let mut bytes = vec![0; old.node().state_size()];
+        let len = old.node().save(&mut bytes).unwrap();
+        assert!(new.node().restore(&bytes[..len]));
+        assert_eq!(play(&mut old, 200..300), play(&mut new, 200..300), "{colour}");
+        // Nothing repeats.
+        let mut known = std::collections::HashSet::new();
+        assert!(whole.windows(2).all(|w| known.insert([w[0].to_bits(), w[1].to_bits()])), "{colour}");
+    }
+}
+
+/// A WAV file of floats, or of whole numbers with full scale 1.
+fn wav(dir: &std::path::Path, rate_hz: u32, floats: bool, samples: &[f32]) -> ParamValue {
+    let path = dir.join("a.wav");
+    let sample_format = if floats { hound::SampleFormat::Float } else { hound::SampleFormat::Int };
+    let bits_per_sample = if floats { 32 } else { 16 };
+    let spec = hound::WavSpec { channels: 1, sample_rate: rate_hz, bits_per_sample, sample_format };
+    let mut writer = hound::WavWriter::create(&path, spec).unwrap();
+    for x in samples {
+        match floats {
+            true => writer.write_sample(*x).unwrap(),
+            false => writer.write_sample((x * 32_768.0) as i16).unwrap(),
+        }
+    }
+    writer.finalize().unwrap();
+    ParamValue::File(path)
+}
+
+fn clip(file: ParamValue, set: &[(&str, ParamValue)]) -> Result<Alone, asperity_node::Diagnostic> {
+    let set = [&[("file", file)], set].concat();
+    let shapes = [Shape::Control { count: 1 }];
+    Alone::new("clip", &set, (TICK_HZ, 1, 48_000), &shapes, &[Shape::Audio { rate_hz: 48_000 }])
+}
+
+/// Samples of ticks, in each of which the stylus touches or not.
+fn touch(clip: &mut Alone, first: u64, touches: &[bool]) -> Vec<f32> {
+    let mut out = Vec::new();
+    for (tick, touches) in (first..).zip(touches) {
+        clip.give(0, &[if *touches { 0.5 } else { 0.0 }], true);
+        clip.tick(tick);
+        out.extend_from_slice(clip.audio());
+    }
+    out
+}
+
+/// Checks that samples are alike, and says where they are not.
+fn alike(found: &[f32], wanted: &[f32]) {
+    let other = found.iter().zip(wanted).position(|(a, b)| (a - b).abs() > 1e-4);
+    assert!(other.is_none() && found.len() == wanted.len(), "sample {other:?} of {}", found.len());
+}
+
+#[test]
+fn clip_begins_anew_at_each_contact_without_a_click() {
+    let dir = tempfile::tempdir().unwrap();
+    let tone: Vec<f32> = (0..9600).map(|n| 3.0 * (TAU * 100.0 * n as f64 / 48_000.0).cos() as f32).collect();
+    let mut it = clip(wav(dir.path(), 48_000, true, &tone), &[]).unwrap();
+    let out = touch(&mut it, 0, &[&[false; 5][..], &[true; 20], &[false; 5], &[true; 200]].concat());
+    // In the air it is silent; from contact on it is the file's beginning, after a fade of 5 ms.
+    assert!(out[..480].iter().all(|x| *x == 0.0));
+    alike(&out[480 + 240..480 + 20 * 96], &tone[240..20 * 96]);
+    let again = 480 + 25 * 96;
+    assert!(out[again - 96..again].iter().all(|x| *x == 0.0), "it fades out within 5 ms");
+    alike(&out[again + 240..again + 9600 - 240], &tone[240..9600 - 240]);
+    // It ends with the file, while contact lasts.
+    assert!(out[again + 9600..].iter().all(|x| *x == 0.0));
+    let steepest = 3.0 * (TAU * 100.0 / 48_000.0) as f32 + 3.0 * 1.5 / 240.0;
+    assert!(crate::bench::largest_step(&out) < steepest, "{}", crate::bench::largest_step(&out));
+    // A contact during the fade out waits for its end.
+    let mut it = clip(wav(dir.path(), 48_000, true, &tone), &[]).unwrap();
+    let out = touch(&mut it, 0, &[&[true; 20][..], &[false], &[true; 50]].concat());
+    assert!(crate::bench::largest_step(&out) < steepest, "{}", crate::bench::largest_step(&out));
+    let again = 20 * 96 + 240;
+    alike(&out[again + 240..again + 2000], &tone[240..2000]);
+}
+
+#[test]
+fn clip_is_resampled_and_loops_without_a_seam() {
+    let dir = tempfile::tempdir().unwrap();
+    // A quarter of a period too many: a loop without a crossfade would jump.
+    let tone: Vec<f32> = (0..2525).map(|n| (TAU * 25.0 * n as f64 / 2500.0).cos() as f32).collect();
+    let file = wav(dir.path(), 2500, true, &tone);
+    let set = [("loop", ParamValue::Flag(true)), ("crossfade_ms", ParamValue::Number(100.0))];
+    let mut it = clip(file, &set).unwrap();
+    let out = touch(&mut it, 0, &[true; 2000]);
+    let steepest = (TAU * 25.0 / 48_000.0) as f32;
+    assert!(crate::bench::largest_step(&out[480..]) < 1.5 * steepest);
+    assert!((rms(&out[480..]) - 0.5f64.sqrt()).abs() < 0.02, "{}", rms(&out[480..]));
+    // Far from the file's ends, it is the tone at its own time.
+    for n in (9600..24_000).step_by(997) {
+        let want = (TAU * 25.0 * n as f64 / 48_000.0).cos();
+        assert!((f64::from(out[n]) - want).abs() < 0.01, "{n}: {} {want}", out[n]);
+    }
+}
+
+#[test]
+fn clip_that_cannot_be_played_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let tone = [0.5_f32, -0.5, 0.25];
+    let why = |file: ParamValue, set: &[(&str, ParamValue)]| clip(file, set).err().unwrap().to_string();
+    let whole = wav(dir.path(), 48_000, false, &tone);
+    assert!(why(whole.clone(), &[]).contains("does not say its acceleration"));
+    let set = [("full_scale_m_s2", ParamValue::Number(40.0)), ("fade_ms", ParamValue::Number(0.1))];
+    let mut it = clip(whole.clone(), &set).unwrap();
+    let out = touch(&mut it, 0, &[true]);
+    assert!(out[1] < -0.1 && out[1] > -20.0, "full scale is 40 m/s^2: {}", out[1]);
+    let channel = [set[0].clone(), ("channel", ParamValue::Integer(2))];
+    assert!(why(whole, &channel).contains("channel 2 of a file that has 1"));
+    for (samples, message) in [
+        (&[0.0, f32::NAN][..], "sample 1 of a clip is NaN"),
+        (&[2e6, 0.0], "2e6 m/s^2"),
+        (&[], "a clip of 0 samples"),
+    ] {
+        assert!(why(wav(dir.path(), 48_000, true, samples), &[]).contains(message), "{message}");
+    }
+    let slow = wav(dir.path(), 50, true, &tone);
+    assert!(why(slow, &[]).contains("a clip of 50 Hz"));
+    let long = wav(dir.path(), 100, true, &vec![0.0; 40_000]);
+    assert!(why(long, &[]).contains("too long"), "at 48 kHz it takes more than 64 MiB");
+    let path = dir.path().join("a.wav");
+    for bytes in [&b""[..], b"RIFF....WAVE", b"OggS"] {
+        std::fs::write(&path, bytes).unwrap();
+        assert!(why(ParamValue::File(path.clone()), &[]).contains("a.wav: not a WAV file"));
+    }
 }

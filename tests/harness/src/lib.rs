@@ -204,6 +204,7 @@ pub fn effects(kind: &str) -> Vec<(&'static str, String)> {
         "autoregressive" => ("models", vec![ar("rough.ron", "1"), two]),
         "waveform" => ("loops", vec![lap, laps]),
         "relief" => ("reliefs", [1.0, 2.0].map(relief).into()),
+        "clip" => return vec![("file", graphs("clips/canvas.wav").display().to_string())],
         "force_limiter" => return vec![("slew_n_per_s", "10".into())],
         _ => return Vec::new(),
     };

@@ -20,10 +20,11 @@ mod spectrogram;
 pub(crate) mod testing;
 
 use long_term::{BANDS, band_rms_db, bands_db, level_db, spectrum_db};
+pub use perceptual::felt_db;
 use perceptual::perceptual;
 pub use rhythm::{Rhythm, RhythmAgreement};
 use spectrogram::MIN_FRAMES;
-pub use spectrogram::{BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram};
+pub use spectrogram::{BINS, FIRST_HZ, HOP_S, STEP_HZ, Spectrogram, WINDOW_S};
 
 /// Largest error \[dB\], of either sign: that of silence.
 pub const LIMIT_DB: f64 = 120.0;

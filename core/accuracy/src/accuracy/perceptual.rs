@@ -68,6 +68,16 @@ fn threshold_m_s2(hz: f64) -> f64 {
     1e-6 * um * (TAU * hz).powi(2)
 }
 
+/// How strong a signal feels by its mean powers, in dB: 0 is the threshold of feeling. Each bin counts by its
+/// distance above the threshold of its frequency, so that bins which are not felt count for little. A sine of
+/// twice its threshold is 6 dB.
+///
+/// It takes the threshold of [`Agreement::perceptual`](super::Agreement::perceptual), without masks.
+pub fn felt_db(powers: &[f64; BINS]) -> f64 {
+    let over = |(bin, power): (usize, &f64)| 2.0 * power / threshold_m_s2(bin_hz(bin)).powi(2);
+    db(powers.iter().enumerate().map(over).sum())
+}
+
 fn db(power: f64) -> f64 {
     10.0 * power.max(1e-300).log10()
 }

@@ -162,3 +162,14 @@ fn score_does_not_depend_on_the_start_of_a_pause() {
     let (least, most) = scores.iter().fold((1.0, 0.0), |(a, b), s| (f64::min(a, *s), f64::max(b, *s)));
     assert!(most - least < 0.03, "{scores:?}");
 }
+
+#[test]
+fn sine_at_twice_its_threshold_is_felt_at_6_db() {
+    for hz in [50.0, 120.0, 250.0, 600.0] {
+        let signal = sine(2.0 * threshold_m_s2(hz), hz, 2500.0, 1.0);
+        let powers = Spectrogram::new(&[&signal], 2500.0).unwrap().mean(0..usize::MAX);
+        let db = felt_db(&powers);
+        // The bins beside have other thresholds.
+        assert!((db - 20.0 * 2f64.log10()).abs() < 0.2, "{hz} Hz: {db} dB");
+    }
+}

@@ -11,7 +11,8 @@ pub const FIRST_HZ: f64 = 20.0;
 pub const STEP_HZ: f64 = 10.0;
 /// Bins: 20, 30, .. 1000 Hz.
 pub const BINS: usize = 99;
-const WINDOW_S: f64 = 0.1;
+/// Length of a window in seconds.
+pub const WINDOW_S: f64 = 0.1;
 /// From one window to the next in seconds: a quarter of a window.
 pub const HOP_S: f64 = 0.025;
 /// Fewest frames that are compared: 0.5 s.

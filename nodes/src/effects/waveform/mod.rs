@@ -7,6 +7,7 @@ use asperity_diagnostics::ron::Value;
 
 use super::gliding;
 use super::{Made, Samples, each, gain, made, samples, shared};
+pub(crate) use table::close;
 pub(super) use table::{Reader, WaveformQuantity, WaveformTable};
 
 /// A loop, drawn or recorded, that is read by distance: faster motion reads faster.

@@ -261,7 +261,7 @@ fn taper(part: f64) -> f64 {
 }
 
 /// Fades the last `fade` values into the first and takes them off.
-fn close(values: &mut Vec<f64>, fade: usize) {
+pub(crate) fn close(values: &mut Vec<f64>, fade: usize) {
     let count = values.len() - fade;
     let (into, out) = values.split_at_mut(count);
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();

@@ -7,15 +7,15 @@ use std::path::PathBuf;
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
 use asperity_node::Role;
-use asperity_study::{Experiment, Matching, Method, Stimulus, StimulusKind};
+use asperity_study::{Experiment, Method, Stimulus};
 use serde_json::json;
 
-use super::{experiment, stimulus};
+use super::experiment;
+use super::levels::{self, Levels};
+use super::stimulus::{self, Loader};
 use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, plural, print_report, warn};
-use crate::kinds::Kinds;
-use crate::load::files::files_read;
-use crate::load::{GraphArgs, PluginArgs};
+use crate::load::PluginArgs;
 
 /// Count the trials and minutes of a study, check its balance, and load everything it plays
 ///
@@ -36,9 +36,9 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
     let loaded = load_all(&experiment, &args.plugins)?.count;
-    print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
+    let levels = Levels::measure(&experiment, 1, &args.plugins)?;
+    print_report(args.json, || as_json(&experiment, loaded, &levels), || text(&experiment, loaded, &levels))?;
     experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
-    warn_of_masking(&experiment);
     Ok(())
 }
 
@@ -50,10 +50,13 @@ pub struct All {
 }
 
 /// Loads every stimulus of every trial, at the ends of varied parameters. All must fit one sound card and
-/// engine.
+/// engine, and masking noise must have its level.
 pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Failure> {
     let mut done = BTreeSet::new();
     let mut files = BTreeSet::new();
+    let mut loader = Loader::bare(plugins);
+    loader.kinds = loader.kinds.looking();
+    loader.masking.clone_from(&experiment.masking);
     let mut first = None;
     for (number, part) in experiment.parts.iter().enumerate() {
         for trial in experiment.trials_of(number, 1) {
@@ -66,12 +69,15 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Fa
                     }
                 };
                 for level in levels {
-                    if !done.insert(format!("{} {level:?}", described(&filled))) {
+                    if !done.insert(format!("{} {level:?}", stimulus::described(&filled))) {
                         continue;
                     }
                     let about = |failure| named(failure, experiment, *stimulus);
-                    let loaded = load_one(&filled, level, plugins, &mut files).map_err(about)?;
-                    let Some(schedule) = loaded else { continue };
+                    if stimulus::file_of(&filled).is_none() {
+                        continue;
+                    }
+                    let schedule = loader.load(&filled, level, 1.0).map_err(about)?.compiled.schedule;
+                    files.extend(loader.files(&filled, &schedule)?);
                     if schedule.with_role(Role::Force).next().is_some() {
                         let stimulus = &experiment.stimuli[*stimulus].name;
                         warn(&format!("`{stimulus}`: a study does not push back with a device yet"));
@@ -84,6 +90,7 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Fa
             }
         }
     }
+    levels::check_masking(experiment, loader)?;
     Ok(All { count: done.len(), files })
 }
 
@@ -113,52 +120,6 @@ fn ends(method: &Method) -> Vec<f64> {
     }
 }
 
-/// A stimulus in words, without its place.
-fn described(kind: &StimulusKind) -> String {
-    match kind {
-        StimulusKind::Graph { file, set } => {
-            let set: Vec<String> =
-                set.iter().map(|(key, v)| format!("{}={:?}", key.name, v.kind())).collect();
-            format!("graph {:?} {}", file.kind(), set.join(" "))
-        }
-        StimulusKind::Clip { file } => format!("clip {:?}", file.kind()),
-        StimulusKind::Real { mount } => format!("real {:?}", mount.kind()),
-        StimulusKind::Silence => "silence".into(),
-    }
-}
-
-/// The schedule of a stimulus that is a graph.
-fn load_one(
-    kind: &StimulusKind,
-    level: Option<(&str, f64)>,
-    plugins: &PluginArgs,
-    files: &mut BTreeSet<PathBuf>,
-) -> Result<Option<Schedule>, Failure> {
-    match kind {
-        StimulusKind::Graph { file, set } => {
-            let args =
-                GraphArgs { graph: stimulus::found(file)?, plugins: plugins.clone(), ..GraphArgs::default() };
-            let mut kinds = Kinds::new(&plugins.plugin).looking();
-            let loaded = stimulus::load((file, set), level, 1.0, &args, &mut kinds)?;
-            let schedule = loaded.compiled.schedule;
-            files.extend(files_read(&args, &schedule, kinds.files()).into_iter().map(|(path, _)| path));
-            Ok(Some(schedule))
-        }
-        StimulusKind::Clip { file } => {
-            let clip = hound::WavReader::open(stimulus::found(file)?);
-            clip.map(|_| None).map_err(|e| file.error(format!("this clip cannot be read: {e}")).into())
-        }
-        StimulusKind::Real { .. } | StimulusKind::Silence => Ok(None),
-    }
-}
-
-/// Warns that `study run` plays no masking noise yet.
-pub fn warn_of_masking(experiment: &Experiment) {
-    if experiment.masking.is_some() {
-        warn("masking noise is not played yet: play it by other means");
-    }
-}
-
 /// Parts of the file that `study run` does not support yet, in sentences: it refuses such a study.
 pub fn not_yet(experiment: &Experiment) -> Vec<String> {
     let mut found = Vec::new();
@@ -167,18 +128,12 @@ pub fn not_yet(experiment: &Experiment) -> Vec<String> {
         if part.show.iter().any(|kind| kind.len() > 2) {
             found.push(format!("part `{name}`: more than two stimuli at a time cannot be felt yet"));
         }
-        if part.level != Matching::Off {
-            found.push(format!("part `{name}`: levels cannot be matched yet"));
-        }
-    }
-    if experiment.stimuli.iter().any(|s| matches!(s.kind, StimulusKind::Clip { .. })) {
-        found.push("a clip cannot be played yet".into());
     }
     found
 }
 
 /// Adds which stimulus it is about.
-fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
+pub fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
     let Failure::Input(all) = failure else { return failure };
     let stimulus = &experiment.stimuli[stimulus];
     let told = |d: Diagnostic| {
@@ -188,7 +143,7 @@ fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure 
     Failure::Input(all.into_iter().map(told).collect())
 }
 
-fn text(experiment: &Experiment, loaded: usize) -> String {
+fn text(experiment: &Experiment, loaded: usize, levels: &Levels) -> String {
     let counts: Vec<usize> = (0..experiment.parts.len()).map(|i| experiment.trials_of(i, 1).len()).collect();
     let mut out = format!(
         "{}: {}, up to {} and about {:.0} minutes each\n\n",
@@ -210,10 +165,10 @@ fn text(experiment: &Experiment, loaded: usize) -> String {
     if experiment.imbalances().is_empty() {
         out += "balance  every condition is shown equally often in each order of sides\n";
     }
-    out
+    out + &levels.text()
 }
 
-fn as_json(experiment: &Experiment, loaded: usize) -> serde_json::Value {
+fn as_json(experiment: &Experiment, loaded: usize, levels: &Levels) -> serde_json::Value {
     let parts = experiment.parts.iter().enumerate().map(|(i, part)| {
         let trials = experiment.trials_of(i, 1).len();
         json!({
@@ -225,5 +180,6 @@ fn as_json(experiment: &Experiment, loaded: usize) -> serde_json::Value {
     json!({
         "title": experiment.title, "participants": experiment.participants, "minutes": experiment.minutes(),
         "parts": parts.collect::<Vec<_>>(), "stimuli": loaded, "imbalances": experiment.imbalances(),
+        "gains": levels.json(),
     })
 }

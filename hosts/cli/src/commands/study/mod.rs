@@ -3,6 +3,7 @@
 mod analyse;
 mod check;
 mod inputs;
+mod levels;
 mod replay;
 mod run;
 mod simulate;

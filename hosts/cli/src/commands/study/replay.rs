@@ -11,11 +11,10 @@ use asperity_live::{DeviceQueues, GraphController, HandInput, Player, prepare_li
 use asperity_study::Experiment;
 use asperity_study::log::{self, Event};
 
-use super::stimulus::HAND;
+use super::stimulus::{HAND, Loader};
 use super::{COPY, inputs, run as session};
 use crate::failure::{Failure, clean, plural, print, warn, wrong};
-use crate::kinds::Kinds;
-use crate::load::{GraphArgs, Loaded, PluginArgs};
+use crate::load::{Loaded, PluginArgs};
 use crate::output::{Format, Pending, Rows, keep_all};
 
 /// Play a trial of a session again, from its log into a WAV file
@@ -87,18 +86,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let damaged = || Diagnostic::new("the inputs of a session are damaged").in_file(&path);
     let inputs = inputs::read(showing.session).ok_or_else(damaged)?;
-    let stage = Stage {
-        args: GraphArgs {
-            hand: options.hand.clone(),
-            input: options.input.clone(),
-            repeat: options.repeat,
-            plugins: PluginArgs { plugin: options.plugins.clone() },
-            ..GraphArgs::default()
-        },
-        kinds: Kinds::new(&options.plugins),
-        experiment: &experiment,
-        number: *number,
-    };
+    let mut loader = Loader::bare(&PluginArgs { plugin: options.plugins.clone() });
+    loader.args.hand.clone_from(&options.hand);
+    loader.args.input.clone_from(&options.input);
+    loader.args.repeat = options.repeat;
+    loader.masking.clone_from(&experiment.masking);
+    let stage = Stage { loader, experiment: &experiment, number: *number };
     let wav = Pending::create(&args.out)?;
     let stroke = args.stroke.as_deref().map(Pending::create).transpose()?;
     let changes = changes(showing.session, showing.ticks.end);
@@ -211,8 +204,7 @@ fn same_files(files: &[(String, String)]) -> Result<(), Failure> {
 
 /// Where a session is played again.
 struct Stage<'e> {
-    args: GraphArgs,
-    kinds: Kinds,
+    loader: Loader,
     experiment: &'e Experiment,
     number: u32,
 }
@@ -271,12 +263,12 @@ impl Stage<'_> {
         let Some((change, stimulus, trial)) =
             named.and_then(|(change, stimulus)| Some((change, stimulus, trials.get(change.trial)?)))
         else {
-            return session::load(&session::first_graph(experiment)?, None, 0.0, &self.args, &mut self.kinds);
+            return self.loader.quiet(experiment);
         };
         let kind = experiment.shown(trial, stimulus);
         let vary = experiment.parts[trial.part].vary.as_ref().filter(|vary| vary.stimulus == stimulus);
         let vary = vary.zip(change.level).map(|(vary, level)| (vary.set.as_str(), level));
-        session::load(&kind, vary, change.gain, &self.args, &mut self.kinds)
+        self.loader.load(&kind, vary, change.gain)
     }
 }
 

@@ -6,26 +6,26 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
-use asperity_diagnostics::{Diagnostic, file};
+use asperity_diagnostics::file;
 use asperity_engine::Options;
 use asperity_live::view::{Condition, View};
 use asperity_live::{DeviceQueues, Session, prepare_live};
 use asperity_node::Role;
 use asperity_page::{Screen, Who, screen};
 use asperity_study::log::{self, Event, Log};
-use asperity_study::{Conduct, Experiment, Felt, Press, StimulusKind};
+use asperity_study::{Conduct, Experiment, Felt, Press};
 use serde_json::{Value, json};
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 
 use super::inputs::Inputs;
-use super::stimulus::{self, HAND, POSITION};
+use super::levels::Levels;
+use super::stimulus::{self, HAND, Loader, POSITION};
 use super::{COPY, check, experiment};
 use crate::card::{self, DeviceArgs};
 use crate::commands::run::hands::{self, Hands};
 use crate::failure::{Failure, complain, print, warn, wrong};
-use crate::kinds::Kinds;
-use crate::load::{GraphArgs, Loaded, PluginArgs};
+use crate::load::{Loaded, PluginArgs};
 use crate::number::whole;
 use crate::output::write_text;
 
@@ -91,7 +91,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if let [first, ..] = check::not_yet(&experiment).as_slice() {
         return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
     }
-    check::warn_of_masking(&experiment);
     let loaded = check::load_all(&experiment, &args.plugins)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
@@ -110,7 +109,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if conduct.is_over() {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
-    let mut stage = Stage::begin(args, &experiment)?;
+    let levels = Levels::measure(&experiment, number, &args.plugins)?;
+    let mut stage = Stage::begin(args, &experiment, levels)?;
     append(&mut log, &path, &[begun(args, &experiment, number, &loaded.files)?])?;
     let open = |who, name: &str| {
         let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
@@ -243,12 +243,10 @@ impl Missed {
 
 /// A running session with its stimulus.
 struct Stage {
-    args: GraphArgs,
-    kinds: Kinds,
+    loader: Loader,
+    levels: Levels,
     session: Session,
     _hands: Hands,
-    /// The stimulus that is played when nothing is felt, as a gain of 0.
-    quiet: StimulusKind,
     /// The stimulus that plays, and the one that was sent last.
     now: Key,
     sent: Option<(u64, Key)>,
@@ -262,19 +260,18 @@ struct Stage {
 }
 
 impl Stage {
-    fn begin(args: &Args, experiment: &Experiment) -> Result<Self, Failure> {
-        let graph_args = GraphArgs {
-            hand: args.hand.clone(),
-            input: args.input.clone(),
-            repeat: args.repeat,
-            plugins: args.plugins.clone(),
-            ..GraphArgs::default()
-        };
-        let mut kinds = Kinds::new(&args.plugins.plugin).apart(true);
-        let quiet = first_graph(experiment)?;
-        let Loaded { graph, compiled, .. } = load(&quiet, None, 0.0, &graph_args, &mut kinds)?;
+    fn begin(args: &Args, experiment: &Experiment, levels: Levels) -> Result<Self, Failure> {
+        let mut loader = Loader::bare(&args.plugins);
+        loader.args.hand.clone_from(&args.hand);
+        loader.args.input.clone_from(&args.input);
+        loader.args.repeat = args.repeat;
+        loader.masking.clone_from(&experiment.masking);
+        loader.kinds = loader.kinds.apart(true);
+        let masking = experiment.masking.as_ref();
+        let Loaded { graph, compiled, .. } = loader.quiet(experiment)?;
         let schedule = &compiled.schedule;
-        let request = card::request(&args.device, schedule)?;
+        let device = stimulus::device(&args.device, schedule, masking)?;
+        let request = card::request(&device, schedule)?;
         let mut hands = Hands::default();
         let ids: Vec<String> = schedule.with_role(Role::Hand).map(|(_, node)| node.id.clone()).collect();
         let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
@@ -285,13 +282,12 @@ impl Stage {
         let (controller, player) =
             prepare_live(compiled, &graph, Options::default(), queues, None, Vec::new());
         let session = Session::start(controller, player, None, options);
-        let session = session.map_err(|e| card::not_opened(e, true))?;
+        let session = session.map_err(|e| stimulus::not_opened(e, masking))?;
         Ok(Self {
-            args: graph_args,
-            kinds,
+            loader,
+            levels,
             session,
             _hands: hands,
-            quiet,
             now: None,
             sent: None,
             stylus_mm: [0.0, 0.0, f32::INFINITY],
@@ -483,18 +479,19 @@ impl Stage {
             place: felt.place,
             stimulus: felt.stimulus,
             level: felt.vary.as_ref().map(|(_, level)| *level),
-            gain: f64::from(u8::from(stimulus::graph_of(&felt.kind).is_some())),
+            gain: if stimulus::file_of(&felt.kind).is_some() { self.levels.gain(trial, felt) } else { 0.0 },
         };
         let key = conduct.shown().map(|(number, _)| number).zip(felt.as_ref()).map(playing);
         if key == self.now || self.sent.is_some() || !is_in_air || !self.session.graph_controller().ready() {
             return Ok(events);
         }
+        let gain = key.map_or(0.0, |playing| playing.gain);
         let Loaded { graph, compiled, .. } = match &felt {
-            Some(Felt { kind, vary, .. }) if stimulus::graph_of(kind).is_some() => {
+            Some(Felt { kind, vary, .. }) if gain != 0.0 => {
                 let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-                load(kind, vary, 1.0, &self.args, &mut self.kinds)?
+                self.loader.load(kind, vary, gain)?
             }
-            _ => load(&self.quiet, None, 0.0, &self.args, &mut self.kinds)?,
+            _ => self.loader.quiet(experiment)?,
         };
         let controller = self.session.graph_controller();
         match controller.swap(compiled, &graph, &[], Default::default(), Vec::new()) {
@@ -531,32 +528,5 @@ impl Stage {
             "position_mm": place, "drive": view.peak, "misses": view.timing.misses, "faults": view.faults,
             "muted": view.muted, "device": view.device, "problem": problem,
         })
-    }
-}
-
-/// The first stimulus that is a graph: silence is played through its output.
-pub fn first_graph(experiment: &Experiment) -> Result<StimulusKind, Failure> {
-    for part in 0..experiment.parts.len() {
-        for trial in experiment.trials_of(part, 1) {
-            let shown = trial.places.iter().map(|s| experiment.shown(&trial, *s));
-            if let Some(kind) = shown.into_iter().find(|kind| stimulus::graph_of(kind).is_some()) {
-                return Ok(kind);
-            }
-        }
-    }
-    let what = "no stimulus is a graph: there is nothing to play";
-    Err(Diagnostic::new(what).in_file(experiment.source.path()).into())
-}
-
-pub fn load(
-    kind: &StimulusKind,
-    vary: Option<(&str, f64)>,
-    gain: f64,
-    args: &GraphArgs,
-    kinds: &mut Kinds,
-) -> Result<Loaded, Failure> {
-    match stimulus::graph_of(kind) {
-        Some(graph) => stimulus::load(graph, vary, gain, args, kinds),
-        None => Err(Failure::Machine("this stimulus is no graph".into())),
     }
 }

@@ -1,52 +1,106 @@
 //! From a stimulus to a graph that plays it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use asperity_diagnostics::Place;
-use asperity_diagnostics::ron::{Kind, Value};
-use asperity_graph::GraphFile;
-use asperity_node::{Registry, Role};
-use asperity_study::StimulusKind;
+use asperity_audio::Cause;
+use asperity_diagnostics::ron::{Key, Kind, Value};
+use asperity_diagnostics::{Diagnostic, Place};
+use asperity_graph::{GraphFile, Schedule};
+use asperity_live::SessionError;
+use asperity_node::{Registry, Role, random};
+use asperity_study::{Experiment, Masking, StimulusKind};
 
+use crate::card::{self, DeviceArgs};
 use crate::failure::{Failure, wrong};
 use crate::kinds::Kinds;
-use crate::load::{self, GraphArgs, Loaded};
+use crate::load::files::files_read;
+use crate::load::{self, GraphArgs, Loaded, PluginArgs};
 
 /// Name that the hand has in every stimulus, so that it goes on when one replaces another.
 pub const HAND: &str = "hand of the study";
 /// Gain before the actuator's own nodes: silence and level matching.
-const GAIN: &str = "gain of the study";
+pub const GAIN: &str = "gain of the study";
 /// The probe that records the position of the stylus.
 pub const POSITION: &str = "position of the study";
 /// Origin of added nodes, in errors.
 const ORIGIN: &str = "asperity study";
+/// The shipped graph that plays a clip by its node `clip`.
+const CLIP: &str = "graphs/clip.ron";
+/// Prefix of the outputs that play masking noise; their channel follows.
+pub const MASK: &str = "masking output ";
 
-/// Loads a graph or scene with a stimulus's settings. `vary`: the varied parameter with its level. `args`
-/// says which hand or recorded stroke moves the stylus. A gain of 0 is silence, also of forces.
-pub fn load(
-    (file, set): (&Value, &[(asperity_diagnostics::ron::Key, Value)]),
-    vary: Option<(&str, f64)>,
-    gain: f64,
-    args: &GraphArgs,
-    kinds: &mut Kinds,
-) -> Result<Loaded, Failure> {
-    let args = GraphArgs { graph: found(file)?, ..args.clone() };
-    let (mut graph, scene) = load::read(&args, kinds)?;
-    for (key, value) in set {
-        let place = Place { source: value.source().clone(), span: key.span };
-        graph.set_value(&key.name, value.clone(), place, None)?;
+/// Loads the stimuli of a study, all of them for one hand and one sound card.
+pub struct Loader {
+    /// Hand or recorded stroke that moves the stylus, and plugins.
+    pub args: GraphArgs,
+    pub masking: Option<Masking>,
+    pub kinds: Kinds,
+}
+
+impl Loader {
+    /// Without masking noise and hand, as a stimulus alone is.
+    pub fn bare(plugins: &PluginArgs) -> Self {
+        let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
+        Self { args, masking: None, kinds: Kinds::new(&plugins.plugin) }
     }
-    if let Some((target, level)) = vary {
-        let place = file.place();
-        graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
+
+    /// Loads a graph, a scene or a clip with a stimulus's settings. `vary`: the varied parameter with its
+    /// level. A gain of 0 is silence, also of forces, and not of the masking noise.
+    pub fn load(
+        &mut self,
+        kind: &StimulusKind,
+        vary: Option<(&str, f64)>,
+        gain: f64,
+    ) -> Result<Loaded, Failure> {
+        let (path, file, set) = graph_of(kind)?;
+        let args = GraphArgs { graph: path, ..self.args.clone() };
+        let (mut graph, scene) = load::read(&args, &mut self.kinds)?;
+        for (key, value) in &set {
+            let place = Place { source: value.source().clone(), span: key.span };
+            graph.set_value(&key.name, value.clone(), place, None)?;
+        }
+        if let Some((target, level)) = vary {
+            let place = file.place();
+            graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
+        }
+        let registry = self.kinds.registry(Some(&graph))?;
+        if gain == 0.0 {
+            graph = load::without_force(&graph, &registry);
+        }
+        name_hand(&mut graph, &registry, file)?;
+        scale(&mut graph, &registry, gain)?;
+        self.masking.as_ref().map_or(Ok(()), |masking| mask(&mut graph, &registry, masking))?;
+        load::compile(&args, &mut self.kinds, graph, scene)
     }
-    let registry = kinds.registry(Some(&graph))?;
-    if gain == 0.0 {
-        graph = load::without_force(&graph, &registry);
+
+    /// Silence, through the outputs of the first stimulus that plays.
+    pub fn quiet(&mut self, experiment: &Experiment) -> Result<Loaded, Failure> {
+        let nothing = || {
+            let what = "no stimulus is a graph or a clip: there is nothing to play";
+            Diagnostic::new(what).in_file(experiment.source.path())
+        };
+        self.load(&first(experiment).ok_or_else(nothing)?, None, 0.0)
     }
-    name_hand(&mut graph, &registry, file)?;
-    scale(&mut graph, &registry, gain)?;
-    load::compile(&args, kinds, graph, scene)
+
+    /// Files that a loaded stimulus is made of.
+    pub fn files(&self, kind: &StimulusKind, schedule: &Schedule) -> Result<Vec<PathBuf>, Failure> {
+        let args = GraphArgs { graph: graph_of(kind)?.0, ..self.args.clone() };
+        Ok(files_read(&args, schedule, self.kinds.files()).into_iter().map(|(path, _)| path).collect())
+    }
+}
+
+/// Path of the graph or scene of a stimulus, its file, and its settings.
+fn graph_of(kind: &StimulusKind) -> Result<(PathBuf, &Value, Vec<(Key, Value)>), Failure> {
+    match kind {
+        StimulusKind::Graph { file, set } => Ok((found(file)?, file, set.clone())),
+        StimulusKind::Clip { file, set } => {
+            let no_graph = || Failure::Machine(format!("{CLIP} is missing"));
+            let key = Key { name: "clip.file".into(), span: file.span() };
+            let path = crate::shipped::file(Path::new(CLIP)).ok_or_else(no_graph)?;
+            Ok((path, file, [&[(key, file.clone())], &set[..]].concat()))
+        }
+        _ => Err(Failure::Machine("this stimulus plays nothing".into())),
+    }
 }
 
 /// Path of a stimulus's file: beside the experiment, or a shipped one.
@@ -58,15 +112,75 @@ pub fn found(file: &Value) -> Result<PathBuf, Failure> {
     }
 }
 
-/// Graph and settings of a stimulus; `None` where nothing plays.
-pub fn graph_of(kind: &StimulusKind) -> Option<(&Value, &[(asperity_diagnostics::ron::Key, Value)])> {
+/// File of a stimulus; `None` where nothing plays.
+pub fn file_of(kind: &StimulusKind) -> Option<&Value> {
     match kind {
-        StimulusKind::Graph { file, set } => Some((file, set)),
+        StimulusKind::Graph { file, .. } | StimulusKind::Clip { file, .. } => Some(file),
         _ => None,
     }
 }
 
-/// Gives the node that moves the stylus its common name, and records its position.
+/// The first stimulus that plays: silence is played through its output.
+fn first(experiment: &Experiment) -> Option<StimulusKind> {
+    let trials = (0..experiment.parts.len()).flat_map(|part| experiment.trials_of(part, 1));
+    let mut shown = trials.flat_map(|trial| {
+        trial.places.iter().map(|stimulus| experiment.shown(&trial, *stimulus)).collect::<Vec<_>>()
+    });
+    shown.find(|kind| file_of(kind).is_some())
+}
+
+/// A stimulus in words, without its place.
+pub fn described(kind: &StimulusKind) -> String {
+    let set = |set: &[(Key, Value)]| {
+        let all: Vec<String> = set.iter().map(|(key, v)| format!("{}={:?}", key.name, v.kind())).collect();
+        all.join(" ")
+    };
+    match kind {
+        StimulusKind::Graph { file, set: all } => format!("graph {:?} {}", file.kind(), set(all)),
+        StimulusKind::Clip { file, set: all } => format!("clip {:?} {}", file.kind(), set(all)),
+        StimulusKind::Real { mount } => format!("real {:?}", mount.kind()),
+        StimulusKind::Silence => "silence".into(),
+    }
+}
+
+/// The device with the channels of the masking noise behind those of the stimuli.
+pub fn device(
+    args: &DeviceArgs,
+    schedule: &Schedule,
+    masking: Option<&Masking>,
+) -> Result<DeviceArgs, Failure> {
+    let Some(masking) = masking else { return Ok(args.clone()) };
+    let outs = schedule.with_role(Role::AudioOutput).filter(|(_, node)| !node.id.starts_with(MASK)).count();
+    let mut channel = args.channel.clone();
+    if channel.is_empty() {
+        channel.extend((1..=u16::MAX).take(outs));
+    }
+    if channel.len() != outs {
+        let what = format!("{} channels are named, and a stimulus has {outs} audio_out", channel.len());
+        return Err(wrong("--channel", what, "the study file names the channels of the masking noise"));
+    }
+    if let Some(both) = masking.channels.iter().find(|both| channel.contains(both)) {
+        let what = format!("channel {both} plays the stimuli: it cannot play masking noise");
+        let help = "name another one here, or move the stimuli: --channel";
+        return Err(Diagnostic::new(what).at_place(&masking.place).help(help).into());
+    }
+    channel.extend(&masking.channels);
+    Ok(DeviceArgs { channel, ..args.clone() })
+}
+
+/// The error for a device that cannot be opened. It may lack a channel for the masking noise.
+pub fn not_opened(error: SessionError, masking: Option<&Masking>) -> Failure {
+    if let (SessionError::Device(device), Some(masking)) = (&error, masking)
+        && let Cause::Channel(there) = device.cause
+        && masking.channels.iter().any(|channel| *channel > there)
+    {
+        let help = format!("1 to {there}");
+        return Diagnostic::new(device.to_string()).at_place(&masking.place).help(help).into();
+    }
+    card::not_opened(error, true)
+}
+
+/// Gives the node that moves the stylus its common name, and records its outputs.
 fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result<(), Failure> {
     let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
     let found: Vec<usize> = (0..graph.nodes.len()).filter(|i| moves(&graph.nodes[*i].kind)).collect();
@@ -112,6 +226,40 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<(), Fa
         graph.wires[wire].to.port = None;
         let to = port.map_or(first.clone(), |port| format!("{first}.{port}"));
         graph.add_wire(&id, &to, ORIGIN);
+    }
+    Ok(())
+}
+
+/// Adds masking noise with a limiter and an output for each of its channels. The noise depends on seed and
+/// channel alone, so that it goes on from one stimulus to the next. It counts as a voltage of the card, with
+/// the actuator of the stimulus at its output.
+fn mask(graph: &mut GraphFile, registry: &Registry, masking: &Masking) -> Result<(), Failure> {
+    let settings = |role: Role| {
+        let node = graph.nodes.iter().find(|node| registry.role(&node.kind) == Some(role));
+        node.map(|node| node.params.clone()).unwrap_or_default()
+    };
+    let [mut limiter, mut out] = [settings(Role::Limiter), settings(Role::AudioOutput)];
+    limiter.retain(|setting| matches!(setting.name.as_str(), "profile" | "handle_mass_g"));
+    out.retain(|setting| setting.name == "volts_at_full_scale");
+    let volts = out.first().map_or(Ok(1.0), |setting| setting.value.f64())?;
+    let rms = format!("{:?}", volts * 10f64.powf(masking.dbfs / 20.0));
+    let colour = if masking.is_pink { "pink" } else { "white" };
+    for channel in &masking.channels {
+        // A seed is a whole number from 0 to 2^63 - 1.
+        let seed = (random::bits(masking.seed, u64::from(*channel)) >> 1).to_string();
+        let [noise, limit, output] = [
+            format!("masking noise {channel}"),
+            format!("masking limiter {channel}"),
+            format!("{MASK}{channel}"),
+        ];
+        let params = [("unit", "V"), ("colour", colour), ("rms", &rms), ("seed", &seed)];
+        graph.add_node(&noise, "noise", &params, ORIGIN)?;
+        for (id, kind, params) in [(&limit, "limiter", &limiter), (&output, "audio_out", &out)] {
+            graph.add_node(id, kind, &[], ORIGIN)?;
+            graph.nodes.last_mut().into_iter().for_each(|node| node.params.clone_from(params));
+        }
+        graph.add_wire(&noise, &limit, ORIGIN);
+        graph.add_wire(&limit, &output, ORIGIN);
     }
     Ok(())
 }
