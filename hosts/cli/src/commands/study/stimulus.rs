@@ -219,7 +219,9 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<(), Fa
                 _ => break at,
             }
         };
-        let id = if number == 0 { GAIN.to_owned() } else { format!("{GAIN} {number}") };
+        // Another gain is another node: what is behind it is crossfaded, and never has one stimulus's gain on
+        // another's signal.
+        let id = format!("{GAIN} {number}: {gain:?}");
         graph.add_node(&id, "gain", &[("gain", &format!("{gain:?}"))], ORIGIN)?;
         let port = graph.wires[wire].to.port.clone();
         graph.wires[wire].to.node.clone_from(&id);
