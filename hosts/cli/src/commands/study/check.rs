@@ -5,8 +5,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use asperity_diagnostics::Diagnostic;
-use asperity_graph::Schedule;
-use asperity_node::Role;
+use asperity_graph::{NodeDecl, Schedule};
 use asperity_study::{Experiment, Matching, Method, Stimulus, StimulusKind};
 use serde_json::json;
 
@@ -34,16 +33,27 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
-    let loaded = load_all(&experiment, &args.plugins)?;
+    let graphs = GraphArgs { plugins: args.plugins.clone(), ..GraphArgs::default() };
+    let (push, _) = stimulus::push(&experiment, &graphs, &mut Kinds::new(&args.plugins.plugin).looking())?;
+    // `study run` says which hand moves the stylus.
+    let loaded = load_all(&experiment, &graphs, push.as_ref(), fits)?;
     print_report(args.json, || as_json(&experiment, loaded), || text(&experiment, loaded))?;
     experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
     warn_of_masking(&experiment);
     Ok(())
 }
 
+/// Whether a graph can follow another one.
+pub type Fits = fn(&Schedule, &Schedule) -> Result<(), Failure>;
+
 /// Loads every stimulus of every trial, at the ends of varied parameters. All must fit one sound card and
-/// engine. Returns how many there are.
-pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, Failure> {
+/// engine by `fits`. Returns how many there are.
+pub fn load_all(
+    experiment: &Experiment,
+    args: &GraphArgs,
+    push: Option<&NodeDecl>,
+    fits: Fits,
+) -> Result<usize, Failure> {
     let mut done = BTreeSet::new();
     let mut first = None;
     for (number, part) in experiment.parts.iter().enumerate() {
@@ -61,14 +71,12 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
                         continue;
                     }
                     let about = |failure| named(failure, experiment, *stimulus);
-                    let Some(schedule) = load_one(&filled, level, plugins).map_err(about)? else { continue };
-                    if schedule.with_role(Role::Force).next().is_some() {
-                        let stimulus = &experiment.stimuli[*stimulus].name;
-                        warn(&format!("`{stimulus}`: a study does not push back with a device yet"));
-                    }
+                    let Some(schedule) = load_one(&filled, level, args, push).map_err(about)? else {
+                        continue;
+                    };
                     match &first {
                         None => first = Some(schedule),
-                        Some(first) => alike(first, &schedule, &experiment.stimuli[*stimulus])?,
+                        Some(first) => alike(first, &schedule, &experiment.stimuli[*stimulus], fits)?,
                     }
                 }
             }
@@ -78,16 +86,16 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<usize, 
 }
 
 /// Refuses a stimulus that cannot follow another one in the same engine and on the same sound card.
-fn alike(first: &Schedule, next: &Schedule, stimulus: &Stimulus) -> Result<(), Failure> {
+fn alike(first: &Schedule, next: &Schedule, stimulus: &Stimulus, fits: Fits) -> Result<(), Failure> {
     let rates = |s: &Schedule| format!("{} ticks a second and {} Hz", s.tick_hz, s.audio_hz);
     let what = match fits(first, next) {
         Ok(()) => return Ok(()),
         Err(_) if rates(first) != rates(next) => {
             format!("`{}` runs at {}, and another stimulus at {}", stimulus.name, rates(next), rates(first))
         }
-        Err(_) => format!("`{}` has other outputs than another stimulus", stimulus.name),
+        Err(failure) => format!("`{}` cannot follow another stimulus: {}", stimulus.name, failure.reason()),
     };
-    let help = "all stimuli of a study share one engine and one sound card";
+    let help = "all stimuli of a study share one engine, one sound card and one hand";
     Err(Diagnostic::new(what).at_place(&stimulus.place).help(help).into())
 }
 
@@ -121,13 +129,13 @@ fn described(kind: &StimulusKind) -> String {
 fn load_one(
     kind: &StimulusKind,
     level: Option<(&str, f64)>,
-    plugins: &PluginArgs,
+    args: &GraphArgs,
+    push: Option<&NodeDecl>,
 ) -> Result<Option<Schedule>, Failure> {
     match kind {
         StimulusKind::Graph { file, set } => {
-            let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
-            let mut kinds = Kinds::new(&plugins.plugin).looking();
-            let loaded = stimulus::load((file, set), level, 1.0, &args, &mut kinds)?;
+            let mut kinds = Kinds::new(&args.plugins.plugin).looking();
+            let loaded = stimulus::load((file, set), level, 1.0, args, push, &mut kinds)?;
             Ok(Some(loaded.compiled.schedule))
         }
         StimulusKind::Clip { file } => {
@@ -150,9 +158,6 @@ pub fn not_yet(experiment: &Experiment) -> Vec<String> {
     let mut found = Vec::new();
     for part in &experiment.parts {
         let name = &part.name;
-        if part.show.iter().any(|kind| kind.len() > 2) {
-            found.push(format!("part `{name}`: more than two stimuli at a time cannot be felt yet"));
-        }
         if part.level != Matching::Off {
             found.push(format!("part `{name}`: levels cannot be matched yet"));
         }

@@ -1,19 +1,19 @@
 //! `asperity study run`: a participant's session, with screens, a hand and a sound card.
 
 use std::collections::BTreeMap;
+use std::io::ErrorKind;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use asperity_diagnostics::{Diagnostic, file};
 use asperity_engine::Options;
+use asperity_graph::{NodeDecl, Schedule};
 use asperity_live::view::{Condition, View};
-use asperity_live::{Session, prepare_live};
-use asperity_node::Role;
+use asperity_live::{Session, needs_queues, prepare_live};
 use asperity_page::{Screen, Who, screen};
 use asperity_study::log::{Event, Log};
-use asperity_study::{Conduct, Experiment, Felt, Press, StimulusKind};
+use asperity_study::{Conduct, Experiment, Felt, Press, Side, StimulusKind};
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
@@ -23,7 +23,8 @@ use time::format_description::well_known::Rfc3339;
 use super::stimulus::{self, INPUT};
 use super::{COPY, check, experiment};
 use crate::card::{self, DeviceArgs};
-use crate::commands::run::hands::{self, Hands};
+use crate::commands::run::hands::Hands;
+use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, complain, print, warn, wrong};
 use crate::kinds::Kinds;
 use crate::load::{GraphArgs, Loaded, PluginArgs};
@@ -38,7 +39,7 @@ use crate::output::write_text;
 #[command(mut_args = crate::number::may_be_negative)]
 #[command(after_help = crate::commands::examples(&[
     "asperity study run graphs/studies/heravi2024.ron --participant P07 --hand openhaptics",
-    "asperity study run mine.ron --participant P01 --device simulated --input stroke.csv --loop",
+    "asperity study run mine.ron --participant P01 --device simulated --hand page",
 ]))]
 pub struct Args {
     /// Experiment file
@@ -53,7 +54,7 @@ pub struct Args {
     /// Folder of the study; by default out/ and the name of the experiment file
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Let a hand device move the stylus, such as openhaptics or osc
+    /// Let a hand device move the stylus, such as openhaptics or osc. `page` is a pad on the participant's screen
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
     pub hand: Option<String>,
     /// Play this recorded stroke instead of a hand, to try a study out
@@ -93,7 +94,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
     }
     check::warn_of_masking(&experiment);
-    check::load_all(&experiment, &args.plugins)?;
+    let graphs = graphs(args);
+    let (push, others) =
+        stimulus::push(&experiment, &graphs, &mut Kinds::new(&args.plugins.plugin).looking())?;
+    for stimulus in others {
+        warn(&format!(
+            "`{stimulus}` pushes back with a device that does not move the stylus: it will not push"
+        ));
+    }
+    check::load_all(&experiment, &graphs, push.as_ref(), follows)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
     keep_copy(&folder, &experiment)?;
@@ -111,17 +120,19 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     if conduct.is_over() {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
-    let mut stage = Stage::begin(args, &experiment)?;
+    let mut stage = Stage::begin(args, &experiment, graphs, push)?;
     append(&mut log, &path, &[begun(args, &experiment, number)?])?;
-    let open = |who, name: &str| {
+    let pad = stage.hands.take_pointer();
+    stage.has_pad = pad.is_some();
+    let open = |who, name: &str, pad| {
         let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
-        let screen = screen(options, who);
+        let screen = screen(options, who, pad);
         let screen = screen.map_err(|e| Failure::Machine(format!("cannot serve the screens: {e}")))?;
         screen.urls().iter().for_each(|url| complain(&format!("{name} {url}\n")));
         Ok::<_, Failure>(screen)
     };
-    let participant = open(Who::Participant, "the participant's screen: ")?;
-    let experimenter = open(Who::Experimenter, "the experimenter's screen:")?;
+    let participant = open(Who::Participant, "the participant's screen: ", pad)?;
+    let experimenter = open(Who::Experimenter, "the experimenter's screen:", None)?;
     let screens = [participant, experimenter];
     let outcome = stage.play(&experiment, &mut conduct, &mut log, &path, &screens);
     stage.session.stop();
@@ -153,6 +164,32 @@ fn folder(args: &Args) -> PathBuf {
     args.out.clone().unwrap_or_else(|| Path::new("out").join(name))
 }
 
+/// How stimuli are loaded, and moved. The pad of a page is the hand of the same kind of node as on the live page.
+fn graphs(args: &Args) -> GraphArgs {
+    let page = |hand: &String| match hand.strip_prefix("page") {
+        Some(rest) if rest.is_empty() || rest.starts_with(':') => format!("pointer{rest}"),
+        _ => hand.clone(),
+    };
+    GraphArgs {
+        hand: args.hand.as_ref().map(page),
+        input: args.input.clone(),
+        repeat: args.repeat,
+        plugins: args.plugins.clone(),
+        ..GraphArgs::default()
+    }
+}
+
+/// Refuses a stimulus that cannot follow another one, or whose hand would have to be opened anew.
+fn follows(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
+    fits(running, next)?;
+    match needs_queues(running, next).as_slice() {
+        [] => Ok(()),
+        [node, ..] => Err(Failure::Machine(format!(
+            "the {node} has another kind or other parameters; --hand gives all stimuli the same"
+        ))),
+    }
+}
+
 /// Keeps a copy of the experiment in the folder. Another one is refused: its answers would not join.
 fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
     let copy = folder.join(COPY);
@@ -162,7 +199,12 @@ fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
             let help = "take another folder: --out";
             Err(wrong(copy, "the experiment file has changed since people took part", help))
         }
-        Err(_) => write_text(&copy, experiment.source.text()),
+        Err(e) if e.kind() == ErrorKind::NotFound => write_text(&copy, experiment.source.text()),
+        Err(e) => Err(wrong(
+            copy,
+            format!("cannot read the study's copy of its file: {e}"),
+            "--out names another folder",
+        )),
     }
 }
 
@@ -206,7 +248,11 @@ struct Stage {
     args: GraphArgs,
     kinds: Kinds,
     session: Session,
-    _hands: Hands,
+    hands: Hands,
+    /// Whether the participant's screen is the hand.
+    has_pad: bool,
+    /// The node that pushes back with the hand's device.
+    push: Option<NodeDecl>,
     /// The stimulus that is played when nothing is felt, as a gain of 0.
     quiet: StimulusKind,
     /// The stimulus that plays, and the one that was sent last.
@@ -220,24 +266,18 @@ struct Stage {
 }
 
 impl Stage {
-    fn begin(args: &Args, experiment: &Experiment) -> Result<Self, Failure> {
-        let graph_args = GraphArgs {
-            hand: args.hand.clone(),
-            input: args.input.clone(),
-            repeat: args.repeat,
-            plugins: args.plugins.clone(),
-            ..GraphArgs::default()
-        };
+    fn begin(
+        args: &Args,
+        experiment: &Experiment,
+        graph_args: GraphArgs,
+        push: Option<NodeDecl>,
+    ) -> Result<Self, Failure> {
         let mut kinds = Kinds::new(&args.plugins.plugin).apart(true);
         let quiet = first_graph(experiment)?;
-        let Loaded { graph, compiled, .. } = load(&quiet, None, 0.0, &graph_args, &mut kinds)?;
+        let Loaded { graph, compiled, .. } = load(&quiet, None, 0.0, &graph_args, push.as_ref(), &mut kinds)?;
         let schedule = &compiled.schedule;
         let request = card::request(&args.device, schedule)?;
-        let mut hands = Hands::default();
-        let ids: Vec<String> = schedule.with_role(Role::Hand).map(|(_, node)| node.id.clone()).collect();
-        let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
-        let queues = std::mem::take(&mut opened.queues);
-        hands.go_on_with(opened, schedule);
+        let (hands, queues) = Hands::of(schedule)?;
         let coils = card::coils(&args.device, schedule)?;
         let options = card::options(&args.device, request, coils);
         let (controller, player) =
@@ -248,7 +288,9 @@ impl Stage {
             args: graph_args,
             kinds,
             session,
-            _hands: hands,
+            hands,
+            has_pad: false,
+            push,
             quiet,
             now: None,
             sent: None,
@@ -273,6 +315,10 @@ impl Stage {
             for notice in self.session.poll().map_err(|e| card::not_opened(e, true))? {
                 complain(&format!("{notice}\n"));
             }
+            for problem in self.hands.problems() {
+                complain(&format!("{problem}\n"));
+                conduct.spoil(&problem);
+            }
             let view = self.session.view();
             self.listen();
             self.judge(conduct, &view);
@@ -296,13 +342,13 @@ impl Stage {
                         Err(why) => Err(why),
                     };
                     // The next screen is there before its page hears of the verdict.
-                    screens[0].show(conduct.participant());
+                    screens[0].show(self.participant(conduct));
                     pressed.answer(verdict);
                 }
             }
             let events = self.change(conduct)?;
             append(log, path, &[self.unlogged(INPUT_TICKS), events].concat())?;
-            screens[0].show(conduct.participant());
+            screens[0].show(self.participant(conduct));
             let mut screen = conduct.experimenter();
             if figures.elapsed() >= FIGURES {
                 (live, figures) = (self.figures(&view), Instant::now());
@@ -319,10 +365,21 @@ impl Stage {
                 return Ok(());
             }
             if !self.session.goes_on() {
-                return Err(Failure::Machine("the device is lost, or the engine failed".into()));
+                let failed = view.condition == Condition::Failed;
+                let why = if failed { "the engine failed" } else { "the device is lost" };
+                let note = Event::Note { text: why.into(), trial: conduct.shown().map(|(trial, _)| trial) };
+                append(log, path, &[self.unlogged(0), vec![note]].concat())?;
+                return Err(Failure::Machine(format!("{why}; the same command goes on with this trial")));
             }
             std::thread::sleep(PACE);
         }
+    }
+
+    /// The participant's screen, with a pad if it is the hand.
+    fn participant(&self, conduct: &Conduct<'_>) -> Value {
+        let mut screen = conduct.participant();
+        screen["pad"] = self.has_pad.into();
+        screen
     }
 
     /// Takes a press: `mute` and `unmute` are the host's, all others the session's.
@@ -334,16 +391,16 @@ impl Stage {
         now_s: f64,
     ) -> Result<Vec<Event>, String> {
         let word = press["press"].as_str().unwrap_or_default();
-        let is_participants = matches!(word, "next" | "answer");
+        let is_participants = matches!(word, "next" | "answer" | "feel");
         if is_participants != (who == 0) {
-            return Err("this screen has no such button".into());
+            return Err(conduct.refused("invalid").0);
         }
         if matches!(word, "mute" | "unmute") {
             self.session.run_control().mute(word == "mute");
             return Ok(Vec::new());
         }
-        let press: Press = serde_json::from_value(press.clone()).map_err(|e| e.to_string())?;
-        conduct.press(press, now_s).map_err(|e| e.to_string())
+        let press: Press = serde_json::from_value(press.clone()).map_err(|_| conduct.refused("invalid").0)?;
+        conduct.press(press, now_s).map_err(|e| e.0)
     }
 
     /// Reads the recorded outputs of the hand.
@@ -418,21 +475,23 @@ impl Stage {
                 self.now = key;
             }
         }
-        let is_in_air = self.stylus_mm[2] >= 0.0;
-        let felt = self.under_the_stylus(conduct);
+        // Silence comes at once where nothing may be felt, such as in a pause.
+        let felt = if self.session.run_control().muted() { Vec::new() } else { conduct.felt() };
+        let may_change = felt.is_empty() || self.stylus_mm[2] >= 0.0;
+        let felt = self.under_the_stylus(felt);
         let trial = conduct.shown().map(|(number, _)| number);
         let key = trial
             .zip(felt.as_ref())
             .map(|(trial, felt)| (trial, felt.place, felt.vary.as_ref().map(|(_, level)| level.to_bits())));
-        if key == self.now || self.sent.is_some() || !is_in_air || !self.session.graph_controller().ready() {
+        if key == self.now || self.sent.is_some() || !may_change || !self.session.graph_controller().ready() {
             return Ok(events);
         }
         let Loaded { graph, compiled, .. } = match &felt {
             Some(Felt { kind, vary, .. }) if stimulus::graph_of(kind).is_some() => {
                 let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-                load(kind, vary, 1.0, &self.args, &mut self.kinds)?
+                load(kind, vary, 1.0, &self.args, self.push.as_ref(), &mut self.kinds)?
             }
-            _ => load(&self.quiet, None, 0.0, &self.args, &mut self.kinds)?,
+            _ => load(&self.quiet, None, 0.0, &self.args, self.push.as_ref(), &mut self.kinds)?,
         };
         let controller = self.session.graph_controller();
         match controller.swap(compiled, &graph, &[], Default::default(), Vec::new()) {
@@ -443,17 +502,16 @@ impl Stage {
         Ok(events)
     }
 
-    /// The stimulus at the stylus's place. In the strip between the sides, the one before.
-    fn under_the_stylus(&self, conduct: &Conduct<'_>) -> Option<Felt> {
-        let mut felt = conduct.felt();
+    /// The one of these stimuli at the stylus's place. In the strip between the sides, the one before.
+    fn under_the_stylus(&self, mut felt: Vec<Felt>) -> Option<Felt> {
         let x = self.stylus_mm[0];
-        let side = match (x < -MIDDLE_MM, x > MIDDLE_MM, self.now) {
-            (true, ..) => 0,
-            (_, true, _) => 1,
-            (_, _, Some((_, place, _))) => place,
-            _ => 0,
+        let before = |felt: &Felt| self.now.is_some_and(|(_, place, _)| place == felt.place);
+        let side = match (x < -MIDDLE_MM, x > MIDDLE_MM) {
+            (true, _) => Side::Left,
+            (_, true) => Side::Right,
+            _ => felt.iter().find(|felt| before(felt)).map_or(Side::Left, |felt| felt.side),
         };
-        let at = felt.iter().position(|felt| felt.place == side)?;
+        let at = felt.iter().position(|felt| [side, Side::Everywhere].contains(&felt.side))?;
         Some(felt.swap_remove(at))
     }
 
@@ -491,10 +549,11 @@ fn load(
     vary: Option<(&str, f64)>,
     gain: f64,
     args: &GraphArgs,
+    push: Option<&NodeDecl>,
     kinds: &mut Kinds,
 ) -> Result<Loaded, Failure> {
     match stimulus::graph_of(kind) {
-        Some(graph) => stimulus::load(graph, vary, gain, args, kinds),
+        Some(graph) => stimulus::load(graph, vary, gain, args, push, kinds),
         None => Err(Failure::Machine("this stimulus is no graph".into())),
     }
 }

@@ -1,12 +1,14 @@
 //! From a stimulus to a graph that plays it.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use asperity_diagnostics::Place;
 use asperity_diagnostics::ron::{Kind, Value};
-use asperity_graph::GraphFile;
+use asperity_graph::{GraphFile, NodeDecl};
+use asperity_hand::device_of;
 use asperity_node::{Registry, Role};
-use asperity_study::StimulusKind;
+use asperity_study::{Experiment, StimulusKind};
 
 use crate::failure::{Failure, wrong};
 use crate::kinds::Kinds;
@@ -14,20 +16,26 @@ use crate::load::{self, GraphArgs, Loaded};
 
 /// Name that the hand has in every stimulus, so that it goes on when one replaces another.
 pub const HAND: &str = "hand of the study";
+/// Name of the node that pushes back, in every stimulus: its device goes on, too.
+pub const PUSH: &str = "push of the study";
 /// Gain before the actuator's own nodes: silence and level matching.
 const GAIN: &str = "gain of the study";
+/// A floor without stiffness.
+const NO_PUSH: &str = "no push of the study";
 /// Prefix of the probes that record the hand's outputs.
 pub const INPUT: &str = "input of the study: ";
 /// Origin of added nodes, in errors.
 const ORIGIN: &str = "asperity study";
 
 /// Loads a graph or scene with a stimulus's settings. `vary`: the varied parameter with its level. `args`
-/// says which hand or recorded stroke moves the stylus. A gain of 0 is silence, also of forces.
+/// says which hand or recorded stroke moves the stylus. `push`: the node that pushes back in a study. A gain of 0
+/// is silence, also of forces.
 pub fn load(
     (file, set): (&Value, &[(asperity_diagnostics::ron::Key, Value)]),
     vary: Option<(&str, f64)>,
     gain: f64,
     args: &GraphArgs,
+    push: Option<&NodeDecl>,
     kinds: &mut Kinds,
 ) -> Result<Loaded, Failure> {
     let args = GraphArgs { graph: found(file)?, ..args.clone() };
@@ -41,10 +49,8 @@ pub fn load(
         graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
     }
     let registry = kinds.registry(Some(&graph))?;
-    if gain == 0.0 {
-        graph = load::without_force(&graph, &registry);
-    }
     name_hand(&mut graph, &registry, file)?;
+    push_back(&mut graph, &registry, gain > 0.0, push)?;
     scale(&mut graph, &registry, gain)?;
     load::compile(&args, kinds, graph, scene)
 }
@@ -66,6 +72,86 @@ pub fn graph_of(kind: &StimulusKind) -> Option<(&Value, &[(asperity_diagnostics:
     }
 }
 
+/// The node that pushes back with the device which moves the stylus, in the first stimulus that has one. Returns
+/// also the names of stimuli that push back with another device: their forces are left out.
+pub fn push(
+    experiment: &Experiment,
+    args: &GraphArgs,
+    kinds: &mut Kinds,
+) -> Result<(Option<NodeDecl>, BTreeSet<String>), Failure> {
+    let (mut found, mut others, mut done) = (None, BTreeSet::new(), BTreeSet::new());
+    for (number, part) in experiment.parts.iter().enumerate() {
+        for trial in experiment.trials_of(number, 1) {
+            for at in trial.places.iter().chain(&part.reference) {
+                let kind = experiment.shown(&trial, *at);
+                let Some((file, _)) =
+                    graph_of(&kind).filter(|(file, _)| done.insert(format!("{:?}", file.kind())))
+                else {
+                    continue;
+                };
+                let args = GraphArgs { graph: self::found(file)?, ..args.clone() };
+                let (graph, _) = load::read(&args, kinds)?;
+                let registry = kinds.registry(Some(&graph))?;
+                let forces = |node: &&NodeDecl| registry.role(&node.kind) == Some(Role::Force);
+                match graph.nodes.iter().find(|node| forces(node) && moves(&graph, node)) {
+                    Some(node) => {
+                        found = found.or_else(|| Some(NodeDecl { id: PUSH.into(), ..node.clone() }))
+                    }
+                    None if graph.nodes.iter().any(|node| forces(&node)) => {
+                        others.insert(experiment.stimuli[*at].name.clone());
+                    }
+                    None => (),
+                }
+            }
+        }
+    }
+    Ok((found, others))
+}
+
+/// Whether the device of a force node also moves the stylus.
+fn moves(graph: &GraphFile, force: &NodeDecl) -> bool {
+    device_of(&force.kind).is_some_and(|device| graph.nodes.iter().any(|node| node.kind == device.input()))
+}
+
+/// Gives the node that pushes back its common name. Without one, or in silence, `push` pushes with nothing, so that
+/// the device goes on.
+fn push_back(
+    graph: &mut GraphFile,
+    registry: &Registry,
+    sounds: bool,
+    push: Option<&NodeDecl>,
+) -> Result<(), Failure> {
+    let forces = |node: &NodeDecl| registry.role(&node.kind) == Some(Role::Force);
+    let own = graph.nodes.iter().position(|node| sounds && forces(node) && moves(graph, node));
+    if let Some(at) = own {
+        rename(graph, at, PUSH);
+    }
+    graph.nodes.retain(|node| node.id == PUSH || !forces(node));
+    let ids: BTreeSet<String> = graph.nodes.iter().map(|node| node.id.clone()).collect();
+    graph.wires.retain(|wire| ids.contains(&wire.to.node));
+    if let (None, Some(push)) = (own, push) {
+        graph.nodes.push(push.clone());
+        graph.add_node(NO_PUSH, "virtual_floor", &[("stiffness_n_per_mm", "0.0")], ORIGIN)?;
+        graph.add_wire(&format!("{HAND}.position"), NO_PUSH, ORIGIN);
+        for port in ["plane", "normal", "stiffness"] {
+            graph.add_wire(&format!("{NO_PUSH}.{port}"), &format!("{PUSH}.{port}"), ORIGIN);
+        }
+    }
+    Ok(())
+}
+
+/// Gives a node another name, also in its wires.
+fn rename(graph: &mut GraphFile, at: usize, name: &str) {
+    let id = std::mem::replace(&mut graph.nodes[at].id, name.to_owned());
+    for wire in &mut graph.wires {
+        for end in [&mut wire.from, &mut wire.to] {
+            if end.node == id {
+                name.clone_into(&mut end.node);
+            }
+        }
+    }
+}
+
 /// Gives the node that moves the stylus its common name, and records its outputs.
 fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result<(), Failure> {
     let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
@@ -74,14 +160,7 @@ fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result
         let what = format!("one node moves the stylus of a stimulus; here are {}", found.len());
         return Err(file.error(what).into());
     };
-    let id = std::mem::replace(&mut graph.nodes[at].id, HAND.to_owned());
-    for wire in &mut graph.wires {
-        for end in [&mut wire.from, &mut wire.to] {
-            if end.node == id {
-                HAND.clone_into(&mut end.node);
-            }
-        }
-    }
+    rename(graph, at, HAND);
     let kind = &graph.nodes[at].kind;
     // Further outputs of a recorded stroke need columns that its file may lack.
     let most = if registry.role(kind) == Some(Role::Hand) { usize::MAX } else { 1 };
