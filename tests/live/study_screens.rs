@@ -304,7 +304,7 @@ const PLACES: &str = r#"Experiment(version: 1, title: "Hidden title", participan
 
 /// The button that is marked, and the first slider's number.
 const MARKED: &str = "[...document.querySelectorAll('#buttons [aria-pressed=true]')].map((b) => \
-                      b.firstChild.textContent).join() + document.querySelector('.slider output').textContent";
+     b.firstChild.textContent).join() + document.querySelector('.slider output').textContent";
 
 #[test]
 fn chosen_place_is_marked_and_answers_stay() {
@@ -372,7 +372,8 @@ fn two_experimenters_see_the_same_and_one_is_told() {
         desk.open(stage.experimenter.url());
         desk.until("!document.querySelector('#ready').disabled");
     }
-    let seen = "['#waits', '#mounts', '#session'].map((id) => document.querySelector(id).textContent).join()";
+    let seen = "['#waits', '#mounts', '#session'].map((id) => \
+                document.querySelector(id).textContent).join()";
     assert_eq!(one.eval(seen), other.eval(seen));
     // Both press before either hears of the other.
     let press = "document.querySelector('#ready').disabled = false; document.querySelector('#ready').click()";

@@ -496,8 +496,8 @@ impl<'e> Conduct<'e> {
         json!({
             "state": state, "text": text, "token": self.token, "questions": questions, "places": places,
             "buttons": if self.is_paused { Vec::new() } else { self.buttons() }, "chosen": self.chosen,
-            "sides": self.felt().iter().any(|felt| felt.side != Side::Everywhere), "sign": self.has_sign(), "trial": trial.replace("{count}", &count.to_string()),
-            "words": words,
+            "sides": self.felt().iter().any(|felt| felt.side != Side::Everywhere),
+            "sign": self.has_sign(), "trial": trial.replace("{count}", &count.to_string()), "words": words,
         })
     }
 
@@ -827,9 +827,8 @@ mod tests {
     }
 
     /// Three places with sliders, and their first one as the reference.
-    const MUSHRA: &str =
-        "show: [(\"x\", \"y\", \"z\")], sides: fixed, reference: \"x\", ask: [sliders(name: \"s\",
-        text: \"?\", low: \"bad\", high: \"good\")]";
+    const MUSHRA: &str = "show: [(\"x\", \"y\", \"z\")], sides: fixed, reference: \"x\",
+        ask: [sliders(name: \"s\", text: \"?\", low: \"bad\", high: \"good\")]";
 
     fn feel(conduct: &mut Conduct<'_>, place: usize) -> Result<Vec<Event>, Refused> {
         let token = conduct.participant()["token"].as_str().unwrap().to_owned();

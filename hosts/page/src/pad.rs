@@ -40,17 +40,18 @@ async fn attend(mut socket: WebSocket, page: u64, pad: &Pad) {
     let (mut messages, mut pen) = (Bucket::new(MESSAGES), Pen::default());
     holder.mark_changed();
     loop {
-        let message = tokio::select! {
+        let changed = async { holder.changed().await.map(|()| *holder.borrow_and_update()) };
+        let (told, message) = tokio::select! {
             _ = stop.wait_for(|stop| *stop) => return,
-            Ok(()) = holder.changed() => {
-                let told = whose(*holder.borrow_and_update(), page);
-                if socket.send(Message::Text(told.into())).await.is_err() {
-                    return;
-                }
-                continue;
-            }
-            message = socket.recv() => message,
+            Ok(has) = changed => (Some(whose(has, page)), None),
+            message = socket.recv() => (None, message),
         };
+        if let Some(told) = told {
+            if socket.send(Message::Text(told.into())).await.is_err() {
+                return;
+            }
+            continue;
+        }
         let Some(Ok(message)) = message else { return };
         if !messages.take() {
             return;

@@ -54,7 +54,7 @@ pub struct Args {
     /// Folder of the study; by default out/ and the name of the experiment file
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Let a hand device move the stylus, such as openhaptics or osc. `page` is a pad on the participant's screen
+    /// Let a hand device move the stylus, such as openhaptics or osc; page: a pad on the participant's screen
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
     pub hand: Option<String>,
     /// Play this recorded stroke instead of a hand, to try a study out
@@ -164,7 +164,7 @@ fn folder(args: &Args) -> PathBuf {
     args.out.clone().unwrap_or_else(|| Path::new("out").join(name))
 }
 
-/// How stimuli are loaded, and moved. The pad of a page is the hand of the same kind of node as on the live page.
+/// How stimuli are loaded and moved. A pad on the participant's screen is the pointer of the live page.
 fn graphs(args: &Args) -> GraphArgs {
     let page = |hand: &String| match hand.strip_prefix("page") {
         Some(rest) if rest.is_empty() || rest.starts_with(':') => format!("pointer{rest}"),

@@ -28,8 +28,8 @@ pub const INPUT: &str = "input of the study: ";
 const ORIGIN: &str = "asperity study";
 
 /// Loads a graph or scene with a stimulus's settings. `vary`: the varied parameter with its level. `args`
-/// says which hand or recorded stroke moves the stylus. `push`: the node that pushes back in a study. A gain of 0
-/// is silence, also of forces.
+/// says which hand or recorded stroke moves the stylus. `push`: the node that pushes back in a study. A gain
+/// of 0 is silence, also of forces.
 pub fn load(
     (file, set): (&Value, &[(asperity_diagnostics::ron::Key, Value)]),
     vary: Option<(&str, f64)>,
@@ -72,8 +72,8 @@ pub fn graph_of(kind: &StimulusKind) -> Option<(&Value, &[(asperity_diagnostics:
     }
 }
 
-/// The node that pushes back with the device which moves the stylus, in the first stimulus that has one. Returns
-/// also the names of stimuli that push back with another device: their forces are left out.
+/// The node that pushes back with the device which moves the stylus, in the first stimulus that has one.
+/// Returns also the names of stimuli that push back with another device: their forces are left out.
 pub fn push(
     experiment: &Experiment,
     args: &GraphArgs,
@@ -113,8 +113,8 @@ fn moves(graph: &GraphFile, force: &NodeDecl) -> bool {
     device_of(&force.kind).is_some_and(|device| graph.nodes.iter().any(|node| node.kind == device.input()))
 }
 
-/// Gives the node that pushes back its common name. Without one, or in silence, `push` pushes with nothing, so that
-/// the device goes on.
+/// Gives the node that pushes back its common name. Without one, or in silence, `push` pushes with nothing,
+/// so that the device goes on.
 fn push_back(
     graph: &mut GraphFile,
     registry: &Registry,
