@@ -414,16 +414,32 @@ fn by(hand: &str) -> Vec<&str> {
     [&LINE[..LINE.len() - 2], &["--hand", hand]].concat()
 }
 
+/// A tone over a wall that pushes back with 0.5 N/mm.
+fn wall(params: &str) -> String {
+    let nodes = format!(
+        "\"stylus\": (kind: \"haply_input\"), \"wall\": (kind: \"haply_force\", params: ({params})),
+        \"floor\": (kind: \"virtual_floor\", params: (stiffness_n_per_mm: 0.5)),"
+    );
+    let wires = "wires: [(\"stylus.position\", \"floor\"), (\"floor.plane\", \"wall.plane\"),
+        (\"floor.normal\", \"wall.normal\"), (\"floor.stiffness\", \"wall.stiffness\"),";
+    tone(0.05).replace("\"stylus\": (kind: \"stroke\"),", &nodes).replace("wires: [", wires)
+}
+
+#[test]
+fn stimulus_with_other_limits_of_the_device_is_refused() {
+    let dir = folder(1);
+    dir.write("wall.ron", wall(""));
+    dir.write("soft.ron", wall("max_force_n: 1.0"));
+    side_by_side(&dir, "graph(file: \"wall.ron\")", "graph(file: \"soft.ron\")", "");
+    let ran = harness::run(&dir, &by("haply:service=ws://127.0.0.1:1")).refused("`right` cannot follow");
+    ran.says(&["push of the study has another kind or other parameters", "study.ron:2:"]);
+}
+
 #[test]
 fn device_pushes_back_on_its_side_and_never_in_silence() {
     let _lock = beside_others();
     let dir = folder(1);
-    let wall = "\"stylus\": (kind: \"haply_input\"), \"wall\": (kind: \"haply_force\"),
-        \"floor\": (kind: \"virtual_floor\", params: (stiffness_n_per_mm: 0.5)),";
-    let wires = "wires: [(\"stylus.position\", \"floor\"), (\"floor.plane\", \"wall.plane\"),
-        (\"floor.normal\", \"wall.normal\"), (\"floor.stiffness\", \"wall.stiffness\"),";
-    let text = tone(0.05).replace("\"stylus\": (kind: \"stroke\"),", wall).replace("wires: [", wires);
-    dir.write("wall.ron", text);
+    dir.write("wall.ron", wall(""));
     side_by_side(&dir, "graph(file: \"wall.ron\")", "graph(file: \"weak.ron\")", "");
     let service = Service::start();
     let put = |x_mm: f64, z_mm: f64| service.put([1e-3 * x_mm, 0.0, 1e-3 * z_mm]);
