@@ -63,6 +63,22 @@ fn simulated_study_is_analysed_into_a_report() {
 }
 
 #[test]
+fn hidden_reference_and_anchors_are_analysed() {
+    let dir = Room::new();
+    let lines = std::fs::read_to_string(graphs("studies/mushra.ron")).unwrap().lines().count();
+    assert!(lines <= 40, "{lines} lines");
+    // Four textures with five stimuli; the wrong one is the same for all.
+    let told = dir.run("study check graphs/studies/mushra.ron --json").json();
+    assert_eq!((&told["parts"][0]["trials"], &told["stimuli"]), (&8.into(), &17.into()));
+    dir.run("study simulate graphs/studies/mushra.ron --runs 1 --out out").ok();
+    dir.run("study analyse out").ok().says(&["20 participants"]);
+    let report = std::fs::read_to_string(dir.join("out/REPORT.md")).unwrap();
+    for wanted in ["BS.1534-3", "the hidden reference is fitted", "boxes.svg", "95 %"] {
+        assert!(report.contains(wanted), "no {wanted} in {report}");
+    }
+}
+
+#[test]
 fn power_follows_the_models_difference() {
     let dir = Room::new();
     let test = format!("{RATE} tests: [wilcoxon(of: \"rough\")]");

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use asperity_study::log::{self, Event};
 use harness::alone::beside_others;
+use harness::chromium::Chromium;
 use harness::live::{Live, told, until};
 use harness::servers::{Jack, inside};
 use harness::{Room, csv, test_name};
@@ -17,6 +18,7 @@ use serde_json::{Value, json};
 
 use crate::ear::Ear;
 use crate::hands::free_port;
+use crate::haply::Service;
 
 /// Kills of a test; `ASPERITY_LONG_KILLS` asks for more.
 const KILLS: usize = 12;
@@ -293,6 +295,10 @@ fn session_of_another_study_is_refused() {
     std::fs::create_dir(dir.join("out")).unwrap();
     dir.write("out/experiment.ron", "Experiment(another)");
     harness::run(&dir, &LINE).refused("has changed since people took part");
+    // A copy that cannot be read is not overwritten.
+    std::fs::write(dir.join("out/experiment.ron"), [0xff, 0xfe]).unwrap();
+    harness::run(&dir, &LINE).refused("cannot read the study's copy");
+    assert_eq!(std::fs::read(dir.join("out/experiment.ron")).unwrap(), [0xff, 0xfe]);
 }
 
 /// Two tones of other levels, which are matched, and noise on the second channel.
@@ -525,4 +531,246 @@ fn replay_has_the_samples_that_the_card_played() {
         replay(&["0", "--attempt", "1"]).refused("was not shown in attempt 1");
         Ok(())
     });
+}
+
+/// A study of two stimuli side by side, with one question.
+fn side_by_side(dir: &Room, left: &str, right: &str, more: &str) {
+    dir.write(
+        "study.ron",
+        format!(
+            "Experiment(version: 1, title: \"Sides\", participants: 1, missed: 1.0,
+                stimuli: {{\"left\": {left}, \"right\": {right}}},
+                parts: [(name: \"one\", show: [(\"left\", \"right\")], sides: fixed, {more}
+                    ask: [which(name: \"stronger\", text: \"?\")])],
+            )"
+        ),
+    );
+}
+
+/// Places that were felt, in order.
+fn places(dir: &Path) -> Vec<Option<usize>> {
+    let place = |event: &Event| match event {
+        Event::Stimulus { place, .. } => Some(*place),
+        _ => None,
+    };
+    events(dir).iter().filter_map(place).collect()
+}
+
+/// Values of an output of the hand, in order.
+fn inputs(dir: &Path, wanted: &str) -> Vec<f32> {
+    use base64::Engine as _;
+    let values = |event: &Event| match event {
+        Event::Inputs { output, values, .. } if output == wanted => {
+            Some(base64::prelude::BASE64_STANDARD.decode(values).expect("base64"))
+        }
+        _ => None,
+    };
+    let bytes: Vec<u8> = events(dir).iter().filter_map(values).flatten().collect();
+    bytes.as_chunks::<4>().0.iter().map(|x| f32::from_le_bytes(*x)).collect()
+}
+
+/// The line of a session with another hand than a recorded stroke.
+fn by(hand: &str) -> Vec<&str> {
+    [&LINE[..LINE.len() - 2], &["--hand", hand]].concat()
+}
+
+/// A tone over a wall that pushes back with 0.5 N/mm.
+fn wall(params: &str) -> String {
+    let nodes = format!(
+        "\"stylus\": (kind: \"haply_input\"), \"wall\": (kind: \"haply_force\", params: ({params})),
+        \"floor\": (kind: \"virtual_floor\", params: (stiffness_n_per_mm: 0.5)),"
+    );
+    let wires = "wires: [(\"stylus.position\", \"floor\"), (\"floor.plane\", \"wall.plane\"),
+        (\"floor.normal\", \"wall.normal\"), (\"floor.stiffness\", \"wall.stiffness\"),";
+    tone(0.05).replace("\"stylus\": (kind: \"stroke\"),", &nodes).replace("wires: [", wires)
+}
+
+#[test]
+fn stimulus_with_other_limits_of_the_device_is_refused() {
+    let dir = folder(1);
+    dir.write("wall.ron", wall(""));
+    dir.write("soft.ron", wall("max_force_n: 1.0"));
+    side_by_side(&dir, "graph(file: \"wall.ron\")", "graph(file: \"soft.ron\")", "");
+    let ran = harness::run(&dir, &by("haply:service=ws://127.0.0.1:1")).refused("`right` cannot follow");
+    ran.says(&["push of the study has another kind or other parameters", "study.ron:2:"]);
+}
+
+#[test]
+fn device_pushes_back_on_its_side_and_never_in_silence() {
+    let _lock = beside_others();
+    let dir = folder(1);
+    dir.write("wall.ron", wall(""));
+    side_by_side(&dir, "graph(file: \"wall.ron\")", "graph(file: \"weak.ron\")", "");
+    let service = Service::start();
+    let put = |x_mm: f64, z_mm: f64| service.put([1e-3 * x_mm, 0.0, 1e-3 * z_mm]);
+    put(-20.0, 5.0);
+    let hand = format!("haply:service=ws://{}", service.address);
+    let running = Running::line(&dir, &by(&hand));
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    let press = |word: &str| assert_eq!(running.press(1, &json!({ "press": word })), Some(204), "{word}");
+    let pushes = || (service.last()[2] - 1.5).abs() < 0.05;
+    let lets_go = || service.last() == [0.0; 3];
+    // Lifts the stylus, waits for what is felt there, and lowers it by 3 mm: 1.5 N on the wall.
+    let lower = |x_mm: f64, place: Option<usize>| {
+        put(x_mm, 5.0);
+        until("the stimulus", || places(&dir).last() == Some(&place));
+        put(x_mm, -3.0);
+    };
+    let stays_free = || {
+        let from = service.forces.lock().expect("nobody panicked").len();
+        until("forces", || service.forces.lock().expect("nobody panicked").len() > from + 400);
+        let forces = service.forces.lock().expect("nobody panicked");
+        assert!(forces[from + 100..].iter().all(|force| *force == [0.0; 3]), "it pushes");
+    };
+    lower(-20.0, Some(0));
+    until("a push", pushes);
+    lower(20.0, Some(1));
+    stays_free();
+    lower(-20.0, Some(0));
+    until("a push after the other side", pushes);
+    for [silent, back] in [["pause", "resume"], ["mute", "unmute"]] {
+        press(silent);
+        until("silence", lets_go);
+        stays_free();
+        press(back);
+        stays_free();
+        lower(-20.0, Some(0));
+        until("a push after silence", pushes);
+    }
+    // The answer ends the trial, and with it the force.
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("no push", lets_go);
+}
+
+#[test]
+fn stroke_on_the_pad_is_the_hand() {
+    let _lock = harness::alone::real_time();
+    let Some(mut page) = Chromium::start() else { return };
+    let dir = folder(1);
+    side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
+    let running = Running::line(&dir, &by("page:timeout_ms=2000"));
+    let (_, url) = running.screens[0].split_once("http").expect("an address");
+    page.open(&format!("http{}", url.trim()));
+    page.until("document.body.dataset.state === 'welcome'");
+    assert_eq!(page.eval("document.querySelector('#pad').hidden"), true);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    page.until("document.querySelector('#pad.sides')?.hidden === false");
+    let [x, y] = page.middle("#pad");
+    // 50 mm to the right and back to the left, with half of the pressure.
+    let mut strokes = |from: f64, to: f64| {
+        page.pen("mousePressed", [x + from, y], 0.5);
+        for i in 0..=50 {
+            page.pen("mouseMoved", [x + from + (to - from) * f64::from(i) / 50.0, y], 0.5);
+            std::thread::sleep(Duration::from_millis(4));
+        }
+        page.pen("mouseReleased", [x + to, y], 0.0);
+    };
+    strokes(-100.0, 90.0);
+    until("the right side", || places(&dir).last() == Some(&Some(1)));
+    strokes(90.0, -100.0);
+    until("the left side", || places(&dir).last() == Some(&Some(0)));
+    assert_eq!(page.complaints(), Vec::<String>::new());
+    // The pad goes with the trial, and lets the hand go.
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    assert_eq!(running.live.stop().code, 0);
+    let (position, force) = (inputs(&dir, "position"), inputs(&dir, "force"));
+    let rows = position.as_chunks::<3>().0;
+    let pressed: Vec<f32> = rows.iter().filter(|row| row[2] < -3.0).map(|row| row[0]).collect();
+    let (least, most) = pressed.iter().fold((f32::MAX, f32::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    assert!(least < -20.0 && most > 20.0, "it went from {least} to {most} mm in {} ticks", pressed.len());
+    assert!(force.iter().any(|n| (*n - 1.65).abs() < 0.01), "half of 3.3 N");
+}
+
+/// A session on JACK in which the server dies while the only trial is felt.
+fn loses_its_server(dir: &Room, more: &[&str], server: &harness::servers::Process) -> Running {
+    side_by_side(dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
+    let line: Vec<&str> = LINE
+        .iter()
+        .map(|arg| match *arg {
+            "--device" => "--host",
+            arg if arg.starts_with("simulated") => "jack",
+            arg => arg,
+        })
+        .collect();
+    let mut running = Running::line(dir, &[&line[..], &["--loop"], more].concat());
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("a stimulus", || !places(dir).is_empty());
+    server.kill();
+    running.live.says("is lost: ");
+    running
+}
+
+/// Marks of the log, each with its trial and reason, and the number of answers.
+fn marks(dir: &Path) -> (Vec<(usize, String)>, usize) {
+    let events = events(dir);
+    let mark = |event: &Event| match event {
+        Event::Marked { trial, why, .. } => Some((*trial, why.clone())),
+        _ => None,
+    };
+    (events.iter().filter_map(mark).collect(), answered(&events).len())
+}
+
+#[test]
+fn trial_with_a_lost_device_comes_again_and_counts() {
+    let Some(server) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
+    let dir = folder(1);
+    let mut running = loses_its_server(&dir, &[], &server);
+    let problem = |running: &Running| running.screen(1).map(|screen| screen["live"]["problem"].clone());
+    until("the experimenter is told", || problem(&running) == Some("the device is lost".into()));
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    // The only trial comes again at once. While the device is lost, it does not count either.
+    let lost = (0, "the device was lost".to_owned());
+    assert_eq!(marks(&dir), (vec![lost.clone()], 0));
+    let name = std::env::var("JACK_DEFAULT_SERVER").unwrap();
+    let _next = Jack::named(&name, 48_000, 64).unwrap();
+    running.live.says("` is back");
+    until("the experimenter is told again", || problem(&running) == Some(Value::Null));
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    assert_eq!(marks(&dir), (vec![lost.clone(), lost.clone()], 0));
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    assert_eq!(running.live.end().code, 0);
+    assert_eq!(marks(&dir), (vec![lost.clone(), lost], 1));
+}
+
+#[test]
+fn session_without_its_device_ends_and_resumes_there() {
+    let Some(server) = inside(test_name!(), || Jack::start(48_000, 64)) else { return };
+    let dir = folder(1);
+    let mut running = loses_its_server(&dir, &["--no-reconnect"], &server);
+    let ran = running.live.end();
+    assert_eq!(ran.code, 1, "{}", ran.err);
+    assert!(ran.err.contains("the device is lost; the same command goes on with this trial"), "{}", ran.err);
+    let noted =
+        |event: &Event| matches!(event, Event::Note { trial: Some(0), text } if text == "the device is lost");
+    assert!(events(&dir).iter().any(noted), "no note of it");
+    // It goes on elsewhere, with the trial that was not answered.
+    let mut running = Running::start(&dir);
+    while running.go_on().is_some_and(|(_, code)| code == 204) {}
+    assert_eq!(running.live.end().code, 0);
+    assert_eq!(marks(&dir), (Vec::new(), 1));
+}
+
+#[test]
+fn second_ready_is_told_why_and_a_note_is_logged_once() {
+    let _lock = beside_others();
+    let dir = folder(1);
+    let running = Running::start(&dir);
+    // Welcome and instructions.
+    for _ in 0..2 {
+        assert_eq!(running.go_on().expect("it runs").1, 204);
+    }
+    let ready = json!({ "press": "ready" }).to_string();
+    let pressed: Vec<(u16, String)> = std::thread::scope(|scope| {
+        let both: Vec<_> =
+            (0..2).map(|_| scope.spawn(|| running.request(1, "POST", "/press", &ready))).collect();
+        both.into_iter().map(|one| one.join().expect("no panic").expect("it runs")).collect()
+    });
+    let mut codes: Vec<u16> = pressed.iter().map(|(code, _)| *code).collect();
+    codes.sort_unstable();
+    assert_eq!(codes, [204, 409]);
+    assert!(pressed.iter().any(|(_, why)| why == "Nothing waits for a sample."), "{pressed:?}");
+    assert_eq!(running.press(1, &json!({ "press": "note", "text": "loud" })), Some(204));
+    let events = events(&dir);
+    assert_eq!(events.iter().filter(|event| matches!(event, Event::Note { .. })).count(), 1);
+    assert_eq!(events.iter().filter(|event| matches!(event, Event::Shown { .. })).count(), 1);
 }

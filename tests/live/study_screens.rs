@@ -53,12 +53,16 @@ struct Stage {
 
 impl Stage {
     fn new() -> Self {
-        let open = |who| Arc::new(screen(Options::default(), who).expect("it serves"));
+        Self::of(STUDY)
+    }
+
+    fn of(study: &'static str) -> Self {
+        let open = |who| Arc::new(screen(Options::default(), who, None).expect("it serves"));
         let (participant, experimenter) = (open(Who::Participant), open(Who::Experimenter));
         let log = Arc::new(Mutex::new(Vec::new()));
         let (ours, theirs, events) = (participant.clone(), experimenter.clone(), log.clone());
         let host = Background::new(move |stop| {
-            let study = Experiment::parse(&Source::new("study.ron", STUDY)).expect("a study");
+            let study = Experiment::parse(&Source::new("study.ron", study)).expect("a study");
             let mut conduct = Conduct::new(&study, 1, &[], 7).expect("a session");
             let began = Instant::now();
             let mut muted = false;
@@ -255,15 +259,15 @@ fn lost_host_is_told_and_answers_stay_on_the_page() {
     let Some(mut page) = Chromium::start() else { return };
     let words = json!({
         "next": "Next", "same": "Same", "different": "Different", "lost": "Lost.", "space": "space bar",
-        "language": "en",
+        "language": "en", "choose": "Choose.", "pad": "Stroke.",
     });
     let question = json!({ "kind": "scale", "text": "How?", "from": 1, "to": 7, "low": "a", "high": "b" });
     let shown = json!({
         "state": "explore", "text": "Explore", "token": "1", "questions": [question], "places": ["Left"],
-        "sign": true, "trial": "1 of 2", "words": words,
+        "sign": true, "trial": "1 of 2", "words": words, "buttons": [], "chosen": 0, "sides": true,
     });
     let options = Options { token: Some("same".into()), ..Options::default() };
-    let first = screen(options.clone(), Who::Participant).expect("it serves");
+    let first = screen(options.clone(), Who::Participant, None).expect("it serves");
     first.show(shown.clone());
     page.open(first.url());
     settled(&mut page);
@@ -272,7 +276,7 @@ fn lost_host_is_told_and_answers_stay_on_the_page() {
     let port = port.parse().expect("a port");
     drop(first);
     page.until("document.querySelector('#lost').textContent === 'Lost.'");
-    let again = screen(Options { port, ..options }, Who::Participant).expect("it serves again");
+    let again = screen(Options { port, ..options }, Who::Participant, None).expect("it serves again");
     again.show(shown);
     page.until("document.querySelector('#lost').hidden");
     assert_eq!(page.eval("document.querySelector('.option:nth-child(5) input').checked"), true);
@@ -287,4 +291,105 @@ fn lost_host_is_told_and_answers_stay_on_the_page() {
     pressed.answer(Err("try again".to_owned()));
     page.until("document.querySelector('#refused').textContent === 'try again'");
     settled(&mut page);
+}
+
+/// Three places and a reference beside them, as in MUSHRA.
+const PLACES: &str = r#"Experiment(version: 1, title: "Hidden title", participants: 1,
+    stimuli: {"Network": graph(file: "net.ron"), "Nothing": silence, "Other": graph(file: "other.ron")},
+    words: {"choose": "Stift heben!", "reference": "Vorlage", "changed": "Anders!"},
+    parts: [(name: "worth", show: [("Network", "Nothing", "Other")], sides: fixed, reference: "Network",
+        ask: [sliders(name: "good", text: "Wie nah?", low: "fern", high: "nah"),
+              which(name: "best", text: "Was ist am besten?")])],
+)"#;
+
+/// The button that is marked, and the first slider's number.
+const MARKED: &str = "[...document.querySelectorAll('#buttons [aria-pressed=true]')].map((b) => \
+     b.firstChild.textContent).join() + document.querySelector('.slider output').textContent";
+
+#[test]
+fn chosen_place_is_marked_and_answers_stay() {
+    let _alone = real_time();
+    let Some(mut page) = Chromium::start() else { return };
+    let stage = Stage::of(PLACES);
+    page.open(stage.participant.url());
+    for _ in 0..2 {
+        settled(&mut page);
+        assert!(page.eval("document.querySelector('#feel').hidden").as_bool().expect("a flag"));
+        types(&mut page, " ");
+    }
+    page.until("!document.querySelector('#feel').hidden");
+    settled(&mut page);
+    for (width, height, dark) in [(1280, 800, false), (800, 1280, true), (390, 844, false)] {
+        page.look(&Look { width, height, dark });
+        let wide = page.eval("document.documentElement.scrollWidth");
+        assert_eq!(wide.as_u64(), Some(u64::from(width)), "it scrolls sideways");
+        no_fault(&mut page, &format!("places at {width}"));
+    }
+    page.look(&Look { width: 1280, height: 800, dark: false });
+    assert_eq!(page.eval("document.querySelector('#buttons').textContent"), "A1B2C3Vorlage4");
+    assert_eq!(page.eval("document.querySelector('#choose').textContent"), "Stift heben!");
+    let dom = page.eval("document.documentElement.outerHTML");
+    let shown = dom.as_str().expect("a page");
+    assert!(!["Network", "Nothing", "Other", "net.ron", "worth"].iter().any(|name| shown.contains(name)));
+    page.until(&format!("{MARKED} === 'A–'"));
+    // Digits choose a place, and letters set the slider, all of which stay.
+    types(&mut page, "e3");
+    page.until(&format!("{MARKED} === 'C60'"));
+    page.click("#buttons button:nth-child(4)");
+    page.until(&format!("{MARKED} === 'Vorlage60'"));
+    types(&mut page, "2");
+    page.until(&format!("{MARKED} === 'B60'"));
+    // A loaded page shows the same trial with the same place. What was not sent is gone.
+    page.eval("location.reload()");
+    settled(&mut page);
+    page.until(&format!("{MARKED} === 'B–'"));
+    types(&mut page, "e\tq\td\tc\t ");
+    page.until("document.body.dataset.state === 'end'");
+    let log = stage.logged();
+    let answers = log.iter().find_map(|event| match event {
+        Event::Answered { answers, .. } => Some(answers.clone()),
+        _ => None,
+    });
+    let numbers = [("Network", 60.0), ("Nothing", 40.0), ("Other", 51.0)];
+    let numbers = Answer::Numbers(numbers.map(|(name, x)| (name.to_owned(), x)).into());
+    let best = Answer::Stimulus("Other".into());
+    assert_eq!(answers, Some(vec![("good".to_owned(), numbers), ("best".to_owned(), best)]));
+    assert_eq!(page.complaints(), Vec::<String>::new());
+}
+
+#[test]
+fn two_experimenters_see_the_same_and_one_is_told() {
+    let _alone = real_time();
+    let (Some(mut one), Some(mut other)) = (Chromium::start(), Chromium::start()) else { return };
+    let Some(mut page) = Chromium::start() else { return };
+    let stage = Stage::new();
+    page.open(stage.participant.url());
+    for _ in 0..2 {
+        settled(&mut page);
+        types(&mut page, " ");
+    }
+    for desk in [&mut one, &mut other] {
+        desk.open(stage.experimenter.url());
+        desk.until("!document.querySelector('#ready').disabled");
+    }
+    let seen = "['#waits', '#mounts', '#session'].map((id) => \
+                document.querySelector(id).textContent).join()";
+    assert_eq!(one.eval(seen), other.eval(seen));
+    // Both press before either hears of the other.
+    let press = "document.querySelector('#ready').disabled = false; document.querySelector('#ready').click()";
+    one.eval(press);
+    page.until("document.body.dataset.state === 'explore'");
+    other.eval(press);
+    other.until("document.querySelector('#refused').textContent === 'Nothing waits for a sample.'");
+    assert_eq!(one.eval("document.querySelector('#refused').textContent"), "");
+    let count = |of: fn(&Event) -> bool| stage.logged().iter().filter(|event| of(event)).count();
+    assert_eq!(count(|event| matches!(event, Event::Shown { .. })), 1);
+    other.eval("document.querySelector('#remark').value = 'loud'");
+    other.eval("document.querySelector('#note').requestSubmit()");
+    other.until("document.querySelector('#remark').value === ''");
+    assert_eq!(count(|event| matches!(event, Event::Note { .. })), 1);
+    one.until("!document.querySelector('#mark button').disabled");
+    assert_eq!(one.eval(seen), other.eval(seen));
+    // The refusal itself is no fault of the page, and the browser logs it.
+    assert_eq!(one.complaints(), Vec::<String>::new());
 }

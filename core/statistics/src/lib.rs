@@ -17,7 +17,7 @@ mod signed_rank;
 mod special;
 
 pub use correction::{Adjusted, Correction, adjust};
-pub use descriptive::{Description, describe, skewness_test};
+pub use descriptive::{Description, describe, mean_interval, median_interval, skewness_test};
 pub use effect::{Effect, common_language_effect, rank_biserial};
 pub use friedman::{Friedman, friedman};
 pub use preference::{BradleyTerry, Estimator, bradley_terry};

@@ -34,7 +34,7 @@ pub fn binomial_test(
 }
 
 /// Probabilities of 0 to `n` successes: ratios to the mode, then divided by their sum.
-fn binomial_masses(n: usize, p: f64) -> Vec<f64> {
+pub(crate) fn binomial_masses(n: usize, p: f64) -> Vec<f64> {
     let mode = (((n + 1) as f64 * p) as usize).min(n);
     let mut mass = vec![1.0; n + 1];
     for k in mode + 1..=n {

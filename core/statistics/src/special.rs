@@ -5,6 +5,7 @@
 
 use std::f64::consts::SQRT_2;
 
+use statrs::distribution::{ContinuousCDF as _, StudentsT};
 use statrs::function::{beta, erf, gamma};
 
 use crate::Error;
@@ -18,6 +19,17 @@ pub(crate) fn normal_tail(z: f64) -> f64 {
 pub(crate) fn two_sided_quantile(confidence: f64) -> Result<f64, Error> {
     if confidence > 0.0 && confidence < 1.0 {
         Ok(SQRT_2 * erf::erf_inv(confidence))
+    } else {
+        Err(Error::Argument("confidence must lie between 0 and 1"))
+    }
+}
+
+/// Quantile t of Student's distribution with P(|T| <= t) = `confidence`, which must lie between 0 and 1.
+pub(crate) fn student_quantile(confidence: f64, freedom: f64) -> Result<f64, Error> {
+    let distribution =
+        StudentsT::new(0.0, 1.0, freedom).map_err(|_| Error::Argument("freedom must be positive"))?;
+    if confidence > 0.0 && confidence < 1.0 {
+        Ok(distribution.inverse_cdf(0.5 + 0.5 * confidence))
     } else {
         Err(Error::Argument("confidence must lie between 0 and 1"))
     }
@@ -38,11 +50,12 @@ pub(crate) fn f_tail(x: f64, [a, b]: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Values of scipy.stats 1.17.1: chi2.sf, f.sf, norm.isf.
+    /// Values of scipy.stats 1.17.1: chi2.sf, f.sf, norm.isf, t.ppf.
     #[test]
     fn far_tails_match_scipy() {
         let f = |x, n: f64| f_tail(x, [3.0 - 2.0 / n, (n - 1.0) * (3.0 - 2.0 / n)]);
         let quantile = |confidence| two_sided_quantile(confidence).unwrap();
+        let student = |confidence, freedom| student_quantile(confidence, freedom).unwrap();
         for (got, expected) in [
             (chi_square_tail(1e-3, 2.0), 0.9995001249791693),
             (chi_square_tail(3.0, 3.0), 0.3916251762710877),
@@ -54,6 +67,9 @@ mod tests {
             (quantile(0.5), 0.6744897501960817),
             (quantile(0.99), 2.575829303548901),
             (quantile(1.0 - 1e-12), 7.130509892879273),
+            (student(0.95, 1.0), 12.706204736174694),
+            (student(0.95, 9.0), 2.262157162798205),
+            (student(0.99, 1000.0), 2.580754698065951),
         ] {
             assert!((got / expected - 1.0).abs() < 1e-9, "{got} {expected}");
         }

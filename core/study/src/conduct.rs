@@ -51,6 +51,13 @@ pub enum Press {
         /// Answers, in the order of the screen's questions.
         answers: Vec<Given>,
     },
+    /// The participant chooses the place that is felt, where a trial has a button for each.
+    Feel {
+        /// Token of the screen that was shown.
+        token: String,
+        /// Place in the order of the buttons, from 0.
+        place: usize,
+    },
     /// The experimenter has mounted the samples.
     Ready,
     /// The experimenter pauses.
@@ -83,7 +90,7 @@ pub enum Given {
     Text(String),
 }
 
-/// A press that does not fit the screen. The session stays as it is.
+/// Why a press does not fit the screen, in words of the study. The session stays as it is.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused(pub String);
 
@@ -93,11 +100,24 @@ impl fmt::Display for Refused {
     }
 }
 
+/// Where the stylus feels a stimulus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    /// Where x is below 0.
+    Left,
+    /// Where x is above 0.
+    Right,
+    /// Anywhere.
+    Everywhere,
+}
+
 /// The stimulus at one place.
 #[derive(Clone, Debug)]
 pub struct Felt {
-    /// Place: 0 left, 1 right; only with more stimuli further ones.
+    /// Place in the trial's order, from 0. That of the reference follows the last.
     pub place: usize,
+    /// Where it is felt.
+    pub side: Side,
     /// Index of the stimulus.
     pub stimulus: usize,
     /// The stimulus with the trial's levels filled in.
@@ -116,6 +136,8 @@ pub struct Conduct<'e> {
     /// Why the trial that is shown does not count.
     problem: Option<String>,
     step: Option<Step>,
+    /// The place that is felt, where the trial has a button for each.
+    chosen: usize,
     /// When the trial's stimuli could first be felt, in s of the host's clock.
     since_s: f64,
     /// Changes with every screen and says nothing about it.
@@ -143,6 +165,7 @@ impl<'e> Conduct<'e> {
             is_paused: false,
             problem: None,
             step: None,
+            chosen: 0,
             since_s: 0.0,
             token: String::new(),
             tokens: Random::new(token_seed),
@@ -163,7 +186,6 @@ impl<'e> Conduct<'e> {
     /// # Errors
     /// A press that does not fit the screen, such as an answer to an earlier one.
     pub fn press(&mut self, press: Press, now_s: f64) -> Result<Vec<Event>, Refused> {
-        let refuse = |why: &str| Err(Refused(why.into()));
         match press {
             Press::Note { text } => {
                 return Ok(vec![Event::Note { text, trial: self.step.as_ref().map(|s| s.number) }]);
@@ -171,29 +193,36 @@ impl<'e> Conduct<'e> {
             Press::Pause => self.is_paused = true,
             Press::Resume => self.is_paused = false,
             Press::Mark { why } => {
-                let none = Refused("no trial is shown".into());
-                return self.mark(&why, Vec::new(), now_s).ok_or(none);
+                return self.mark(&why, Vec::new(), now_s).ok_or_else(|| self.refused("no_trial"));
             }
-            _ if self.is_paused => return refuse("the session is paused"),
+            _ if self.is_paused => return Err(self.refused("paused")),
             Press::Ready => match self.state {
                 State::Wait => return Ok(self.begin_trial(now_s)),
-                _ => return refuse("nothing waits for a sample"),
+                _ => return Err(self.refused("no_sample")),
             },
-            Press::Next { token } => {
-                if token != self.token {
-                    return refuse("this screen is not shown any more");
-                }
-                return self.next(now_s);
+            Press::Next { token } | Press::Answer { token, .. } | Press::Feel { token, .. }
+                if token != self.token =>
+            {
+                return Err(self.refused("changed"));
             }
-            Press::Answer { token, answers } => {
-                if token != self.token {
-                    return refuse("this screen is not shown any more");
+            Press::Next { .. } => return self.next(now_s),
+            Press::Answer { answers, .. } => return self.answer(&answers, now_s),
+            Press::Feel { place, .. } => {
+                if place >= self.buttons().len() {
+                    return Err(self.refused("invalid"));
                 }
-                return self.answer(&answers, now_s);
+                // The screen stays: its answers go on.
+                self.chosen = place;
+                return Ok(Vec::new());
             }
         }
         self.draw();
         Ok(Vec::new())
+    }
+
+    /// A refusal by its key in [`WORDS`].
+    pub fn refused(&self, key: &str) -> Refused {
+        Refused(self.word(key))
     }
 
     /// Tells that the trial which is shown does not count, such as for a lost device. It is marked once it is
@@ -240,7 +269,7 @@ impl<'e> Conduct<'e> {
                 Ok(Vec::new())
             }
             State::Explore if self.questions().is_empty() => self.answer(&[], now_s),
-            _ => Err(Refused("answer the questions first".into())),
+            _ => Err(self.refused("unanswered")),
         }
     }
 
@@ -258,7 +287,7 @@ impl<'e> Conduct<'e> {
         let event = Event::Shown { trial: step.number, attempt: step.attempt, level: step.level };
         let part = &self.experiment.parts[self.progress.trials()[step.number].part];
         self.state = if part.reference.is_some() { State::Reference } else { State::Explore };
-        (self.since_s, self.problem) = (now_s, None);
+        (self.since_s, self.problem, self.chosen) = (now_s, None, 0);
         self.draw();
         vec![event]
     }
@@ -280,7 +309,7 @@ impl<'e> Conduct<'e> {
                 self.draw();
                 Ok(vec![Event::Survey { answers }, Event::End])
             }
-            _ => Err(Refused("nothing is asked now".into())),
+            _ => Err(self.refused("changed")),
         }
     }
 
@@ -288,7 +317,7 @@ impl<'e> Conduct<'e> {
     fn answers(&self, given: &[Given]) -> Result<Vec<(String, Answer)>, Refused> {
         let questions = self.questions();
         if questions.len() != given.len() {
-            return Err(Refused(format!("{} answers to {} questions", given.len(), questions.len())));
+            return Err(self.refused("invalid"));
         }
         let names = self.shown_names();
         let one = |(question, given): (&Question, &Given)| {
@@ -307,8 +336,7 @@ impl<'e> Conduct<'e> {
                 _ => None,
             };
             let fits = answer.filter(|answer| question.takes(answer, &names));
-            fits.map(|answer| (question.name.clone(), answer))
-                .ok_or_else(|| Refused(format!("this does not answer \"{}\"", question.text)))
+            fits.map(|answer| (question.name.clone(), answer)).ok_or_else(|| self.refused("invalid"))
         };
         questions.iter().zip(given).map(one).collect()
     }
@@ -391,20 +419,39 @@ impl<'e> Conduct<'e> {
         let Some(trial) = self.trial().filter(|_| !self.is_paused) else { return Vec::new() };
         let part = &self.experiment.parts[trial.part];
         let level = self.step.as_ref().and_then(|step| step.level);
-        let felt = |(place, stimulus): (usize, usize)| {
+        let count = trial.places.len();
+        let felt = |place: usize, side: Side| {
+            let stimulus = self.experiment.at_place(trial, place)?;
             let vary = part.vary.as_ref().filter(|vary| vary.stimulus == stimulus);
-            Felt {
-                place: if trial.places.len() == 1 && part.sides == Sides::Right { 1 } else { place },
+            Some(Felt {
+                place,
+                side,
                 stimulus,
                 kind: self.experiment.shown(trial, stimulus),
                 vary: vary.zip(level).map(|(vary, level)| (vary.set.clone(), level)),
-            }
+            })
         };
         match self.state {
-            State::Reference => part.reference.map(|s| felt((0, s))).into_iter().collect(),
-            State::Explore => trial.places.iter().copied().enumerate().map(felt).collect(),
+            State::Reference => felt(count, Side::Everywhere).into_iter().collect(),
+            State::Explore if self.has_buttons() => felt(self.chosen, Side::Everywhere).into_iter().collect(),
+            State::Explore => (0..count).filter_map(|at| felt(at, side(part.sides, count, at))).collect(),
             _ => Vec::new(),
         }
+    }
+
+    /// Whether the trial has a button for each place: it has more than two, or sliders with a reference.
+    fn has_buttons(&self) -> bool {
+        let Some((trial, part)) = self.trial().zip(self.part()) else { return false };
+        trial.places.len() > 2 || self.experiment.parts[part].keeps_reference()
+    }
+
+    /// Words of the buttons that choose a place. None where left and right are felt.
+    fn buttons(&self) -> Vec<String> {
+        let Some(part) = self.part().filter(|_| self.state == State::Explore && self.has_buttons()) else {
+            return Vec::new();
+        };
+        let reference = self.experiment.parts[part].keeps_reference().then(|| self.word("reference"));
+        self.places().into_iter().chain(reference).collect()
     }
 
     /// Whether the session is over.
@@ -441,30 +488,30 @@ impl<'e> Conduct<'e> {
         let places = if asks { self.places() } else { Vec::new() };
         let (number, count) = self.position();
         let trial = self.word("trial").replace("{number}", &number.to_string());
-        let words: Map<String, Value> = ["next", "same", "different", "lost", "space", "language"]
-            .map(|key| (key.to_owned(), self.word(key).into()))
-            .into_iter()
-            .collect();
+        let words: Map<String, Value> =
+            ["next", "same", "different", "lost", "space", "language", "choose", "pad"]
+                .map(|key| (key.to_owned(), self.word(key).into()))
+                .into_iter()
+                .collect();
         json!({
             "state": state, "text": text, "token": self.token, "questions": questions, "places": places,
-            "sign": self.has_sign(), "trial": trial.replace("{count}", &count.to_string()),
-            "words": words,
+            "buttons": if self.is_paused { Vec::new() } else { self.buttons() }, "chosen": self.chosen,
+            "sides": self.felt().iter().any(|felt| felt.side != Side::Everywhere),
+            "sign": self.has_sign(), "trial": trial.replace("{count}", &count.to_string()), "words": words,
         })
     }
 
-    /// Words of the trial's places, from left to right.
+    /// Words of the trial's places, in their order: sides, or letters where each has a button.
     fn places(&self) -> Vec<String> {
         let (Some(trial), Some(part)) = (self.trial(), self.part()) else { return Vec::new() };
-        let (sides, count) = (self.experiment.parts[part].sides, trial.places.len());
-        (0..count).map(|at| self.place_word(side(sides, count, at), at)).collect()
-    }
-
-    /// The word of a place, or a letter where there are more than two.
-    fn place_word(&self, side: &str, at: usize) -> String {
-        match side {
-            "left" | "right" => self.word(side),
+        let (sides, count, letters) =
+            (self.experiment.parts[part].sides, trial.places.len(), self.has_buttons());
+        let word = |at| match side(sides, count, at) {
+            Side::Left if !letters => self.word("left"),
+            Side::Right if !letters => self.word("right"),
             _ => char::from(b'A' + (at % 26) as u8).to_string(),
-        }
+        };
+        (0..count).map(word).collect()
     }
 
     /// Whether the *wait* and *explore* sign is shown: an experimenter mounts samples in this part.
@@ -503,17 +550,17 @@ impl<'e> Conduct<'e> {
             "count": count, "left": self.progress.left(), "waits_for": waits, "is_paused": self.is_paused,
             "state": format!("{:?}", self.state).to_lowercase(), "mount": self.mounts(), "levels": cell,
             "shown": self.shown_names(), "places": self.places(), "reference": reference,
-            "level": self.step.as_ref().and_then(|s| s.level),
+            "level": self.step.as_ref().and_then(|s| s.level), "chosen": self.buttons().get(self.chosen),
         })
     }
 }
 
-/// The side of a place.
-fn side(sides: Sides, count: usize, at: usize) -> &'static str {
+/// The side of a place in a trial of so many.
+fn side(sides: Sides, count: usize, at: usize) -> Side {
     match (sides, count, at) {
-        (Sides::Right, 1, _) | (_, 2, 1) => "right",
-        (_, 1 | 2, _) => "left",
-        _ => "",
+        (Sides::Right, 1, _) | (_, 2, 1) => Side::Right,
+        (_, 1 | 2, _) => Side::Left,
+        _ => Side::Everywhere,
     }
 }
 
@@ -664,7 +711,7 @@ mod tests {
         let study = study();
         let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
         let stale = Press::Next { token: "0".into() };
-        assert!(conduct.press(stale, 0.0).unwrap_err().to_string().contains("not shown any more"));
+        assert!(conduct.press(stale, 0.0).unwrap_err().to_string().contains("has changed"));
         let token = conduct.participant()["token"].as_str().unwrap().to_owned();
         conduct.press(Press::Next { token: token.clone() }, 0.0).unwrap();
         assert!(conduct.press(Press::Next { token }, 0.0).is_err(), "a second press of the same screen");
@@ -777,5 +824,106 @@ mod tests {
         assert_eq!(screen["places"], json!(["A", "B", "C"]));
         assert_eq!((&screen["shown"], &screen["reference"]), (&json!(["x", "y", "z"]), &json!("y")));
         assert_eq!(screen["mount"], json!([["Reference", "felt"], ["B", "felt"]]));
+    }
+
+    /// Three places with sliders, and their first one as the reference.
+    const MUSHRA: &str = "show: [(\"x\", \"y\", \"z\")], sides: fixed, reference: \"x\",
+        ask: [sliders(name: \"s\", text: \"?\", low: \"bad\", high: \"good\")]";
+
+    fn feel(conduct: &mut Conduct<'_>, place: usize) -> Result<Vec<Event>, Refused> {
+        let token = conduct.participant()["token"].as_str().unwrap().to_owned();
+        conduct.press(Press::Feel { token, place }, 0.0)
+    }
+
+    fn felt(conduct: &Conduct<'_>) -> Vec<(usize, Side, usize)> {
+        conduct.felt().iter().map(|felt| (felt.place, felt.side, felt.stimulus)).collect()
+    }
+
+    #[test]
+    fn chosen_place_is_felt_everywhere_and_keeps_the_screen() {
+        let study = crate::testing::experiment("", MUSHRA);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mut random = Random::new(1);
+        go_on(&mut conduct, &mut random, 0.0);
+        go_on(&mut conduct, &mut random, 0.0);
+        // The reference comes first. Its place is not that of the hidden one.
+        assert_eq!(felt(&conduct), [(3, Side::Everywhere, 0)]);
+        assert!(feel(&mut conduct, 0).is_err(), "there is no choice yet");
+        go_on(&mut conduct, &mut random, 0.0);
+        let screen = conduct.participant();
+        assert_eq!(screen["buttons"], json!(["A", "B", "C", "Reference"]));
+        assert_eq!((&screen["places"], &screen["chosen"]), (&json!(["A", "B", "C"]), &json!(0)));
+        for (place, stimulus) in [(0, 0), (2, 3), (3, 0), (1, 2)] {
+            assert_eq!(feel(&mut conduct, place), Ok(Vec::new()));
+            assert_eq!(felt(&conduct), [(place, Side::Everywhere, stimulus)]);
+            assert_eq!(conduct.participant()["token"], screen["token"]);
+            assert_eq!(conduct.participant()["chosen"], place);
+        }
+        assert!(feel(&mut conduct, 4).is_err());
+        conduct.press(Press::Pause, 0.0).unwrap();
+        assert!(feel(&mut conduct, 0).is_err() && conduct.participant()["buttons"] == json!([]));
+        conduct.press(Press::Resume, 0.0).unwrap();
+        assert_eq!(conduct.participant()["chosen"], 1);
+    }
+
+    #[test]
+    fn two_places_have_sides_and_no_buttons() {
+        let which = "ask: [which(name: \"w\", text: \"?\")]";
+        let part = format!("show: [(\"x\", \"z\")], sides: fixed, reference: \"w\", {which}");
+        let study = crate::testing::experiment("", &part);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mut random = Random::new(1);
+        go_on(&mut conduct, &mut random, 0.0);
+        assert_eq!(felt(&conduct), [(2, Side::Everywhere, 1)]);
+        assert_eq!(conduct.participant()["sides"], false);
+        go_on(&mut conduct, &mut random, 0.0);
+        assert_eq!(felt(&conduct), [(0, Side::Left, 0), (1, Side::Right, 3)]);
+        assert_eq!(
+            (conduct.participant()["buttons"].clone(), feel(&mut conduct, 0).is_err()),
+            (json!([]), true)
+        );
+        assert_eq!(conduct.participant()["sides"], true);
+    }
+
+    #[test]
+    fn every_trial_begins_with_its_first_place() {
+        let study =
+            crate::testing::experiment("", &format!("{MUSHRA}, repeats: 2").replace("reference: \"x\",", ""));
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        go_on(&mut conduct, &mut Random::new(1), 0.0);
+        go_on_with(&mut conduct, Press::Ready);
+        feel(&mut conduct, 2).unwrap();
+        let token = conduct.participant()["token"].as_str().unwrap().to_owned();
+        let answers = vec![Given::Numbers(vec![1.0, 2.0, 3.0])];
+        go_on_with(&mut conduct, Press::Answer { token, answers });
+        go_on_with(&mut conduct, Press::Ready);
+        assert_eq!(felt(&conduct), [(0, Side::Everywhere, 0)]);
+    }
+
+    fn go_on_with(conduct: &mut Conduct<'_>, press: Press) -> Vec<Event> {
+        conduct.press(press, 0.0).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    #[test]
+    fn refusals_have_the_words_of_the_file() {
+        let fields = "words: {\"changed\": \"Neu!\", \"invalid\": \"Nein!\", \"unanswered\": \"Bitte!\",
+            \"paused\": \"Pause!\", \"no_sample\": \"Keine!\", \"no_trial\": \"Nichts!\"},";
+        let part = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")]";
+        let study = crate::testing::experiment(fields, part);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mark = || Press::Mark { why: String::new() };
+        assert_eq!(conduct.press(mark(), 0.0).unwrap_err().0, "Nichts!");
+        assert_eq!(conduct.press(Press::Ready, 0.0).unwrap_err().0, "Keine!");
+        go_on(&mut conduct, &mut Random::new(1), 0.0);
+        let token = conduct.participant()["token"].as_str().unwrap().to_owned();
+        let stale = Press::Next { token: "0".into() };
+        assert_eq!(conduct.press(stale, 0.0).unwrap_err().0, "Neu!");
+        assert_eq!(conduct.press(Press::Next { token: token.clone() }, 0.0).unwrap_err().0, "Bitte!");
+        for answers in [vec![], vec![Given::Number(2)], vec![Given::Same(true)]] {
+            let answer = Press::Answer { token: token.clone(), answers };
+            assert_eq!(conduct.press(answer, 0.0).unwrap_err().0, "Nein!");
+        }
+        conduct.press(Press::Pause, 0.0).unwrap();
+        assert_eq!(conduct.press(Press::Next { token }, 0.0).unwrap_err().0, "Pause!");
     }
 }

@@ -127,7 +127,7 @@ pub struct Part {
     pub over: Vec<(usize, Vec<usize>)>,
     /// Stimuli of each kind of trial, as indices.
     pub show: Vec<Vec<usize>>,
-    /// A stimulus felt before the others.
+    /// A stimulus felt before the others, and beside them where sliders compare with it.
     pub reference: Option<usize>,
     /// Who stands where.
     pub sides: Sides,
@@ -525,6 +525,14 @@ pub const WORDS: &[(&str, &str)] = &[
     ("survey", "Some last questions"),
     ("thanks", "Thank you. The study is over."),
     ("paused", "Paused. Please wait."),
+    ("pad", "Stroke here."),
+    ("choose", "Choose what you feel. Lift the pen to change it."),
+    // Refusals of a press.
+    ("changed", "The screen has changed. Please look again."),
+    ("unanswered", "Please answer all questions."),
+    ("invalid", "This does not fit the screen. Please try again."),
+    ("no_sample", "Nothing waits for a sample."),
+    ("no_trial", "No trial is shown."),
     ("lost", "The connection is lost. Please wait."),
     ("space", "space bar"),
     // Code of the screens' language (BCP 47), for those who have them read aloud.

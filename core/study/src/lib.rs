@@ -24,7 +24,7 @@ mod test;
 mod testing;
 
 pub use analysis::Analysis;
-pub use conduct::{Conduct, Felt, Given, Press, Refused};
+pub use conduct::{Conduct, Felt, Given, Press, Refused, Side};
 pub use export::sidecar;
 pub use file::{
     Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,

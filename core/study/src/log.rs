@@ -47,7 +47,8 @@ pub enum Event {
     Stimulus {
         /// Number of the trial.
         trial: usize,
-        /// Place of the stimulus, from 0 for the left one. `None`: nothing is felt.
+        /// Place of the stimulus in the trial's order, from 0. That of the reference follows the last.
+        /// `None`: nothing is felt.
         place: Option<usize>,
         /// Name of the stimulus.
         #[serde(default)]

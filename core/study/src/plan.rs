@@ -80,6 +80,12 @@ impl Experiment {
         Some(self.factors[*at].levels[*level].clone())
     }
 
+    /// The stimulus at a place of a trial. The place of the reference follows the last.
+    pub fn at_place(&self, trial: &Trial, place: usize) -> Option<usize> {
+        let reference = self.parts[trial.part].reference.iter();
+        trial.places.iter().chain(reference).nth(place).copied()
+    }
+
     /// A stimulus of a trial, with the trial's levels filled in.
     pub fn shown(&self, trial: &Trial, stimulus: usize) -> StimulusKind {
         self.stimuli[stimulus].filled(&|factor| self.level(trial, factor))

@@ -169,6 +169,12 @@ impl Part {
         self.ask.iter().find(|q| matches!(q.kind, QuestionKind::Which | QuestionKind::Same))
     }
 
+    /// Whether its reference stays there beside the places: sliders compare with it, as in MUSHRA.
+    pub fn keeps_reference(&self) -> bool {
+        let slides = |q: &Question| matches!(q.kind, QuestionKind::Sliders { .. });
+        self.reference.is_some() && self.ask.iter().any(slides)
+    }
+
     /// Whether an answer to [`judging`](Self::judging) names the varied stimulus `name`, or a difference.
     pub fn is_hit(answer: &Answer, name: &str) -> Option<bool> {
         match answer {

@@ -10,12 +10,12 @@ use futures_util::{SinkExt, StreamExt};
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
-use crate::hand::Pen;
+use crate::hand::{Pen, whose};
 use crate::server::Shared;
 use crate::wire::{self, AHEAD, Ask, PATIENCE, Told};
 
 /// Most messages of a page in a second, and at once. A pen of 1 kHz sends 1000 a second.
-const MESSAGES: [f64; 2] = [4000.0, 8000.0];
+pub(crate) const MESSAGES: [f64; 2] = [4000.0, 8000.0];
 /// Most requests of a page in a second, and at once. A slider sends one a frame.
 const ASKS: [f64; 2] = [250.0, 500.0];
 /// Most answers that wait for a page.
@@ -183,7 +183,7 @@ impl Show<'_> {
                     }
                     None
                 }
-                Ok(has) = changed => Some(self.hand(has).to_owned()),
+                Ok(has) = changed => Some(whose(has, self.page).to_owned()),
                 Some(answer) = waiting.recv() => Some(answer),
                 () = sleep_until(self.since + PATIENCE), if owes => return SLOW,
             };
@@ -192,14 +192,6 @@ impl Show<'_> {
             {
                 return leave;
             }
-        }
-    }
-
-    fn hand(&self, has: Option<u64>) -> &'static str {
-        match has {
-            Some(page) if page == self.page => r#"{"hand":"yours"}"#,
-            Some(_) => r#"{"hand":"theirs"}"#,
-            None => r#"{"hand":"free"}"#,
         }
     }
 
@@ -238,7 +230,7 @@ impl Show<'_> {
 }
 
 /// A rate limit: so many a second, and so many at once.
-struct Bucket {
+pub(crate) struct Bucket {
     a_second: f64,
     most: f64,
     left: f64,
@@ -246,11 +238,11 @@ struct Bucket {
 }
 
 impl Bucket {
-    fn new([a_second, most]: [f64; 2]) -> Self {
+    pub(crate) fn new([a_second, most]: [f64; 2]) -> Self {
         Self { a_second, most, left: most, at: Instant::now() }
     }
 
-    fn take(&mut self) -> bool {
+    pub(crate) fn take(&mut self) -> bool {
         let now = Instant::now();
         self.left = (self.left + self.a_second * (now - self.at).as_secs_f64()).min(self.most);
         self.at = now;

@@ -13,6 +13,15 @@ use crate::wire::Stroke;
 /// on another surface.
 const STEP_MM: f64 = 3.0;
 
+/// Message to a page: whose hand it is.
+pub(crate) fn whose(holder: Option<u64>, page: u64) -> &'static str {
+    match holder {
+        Some(holder) if holder == page => r#"{"hand":"yours"}"#,
+        Some(_) => r#"{"hand":"theirs"}"#,
+        None => r#"{"hand":"free"}"#,
+    }
+}
+
 /// The one hand. The page that touched last has it. It exists while the graph has a pointer.
 #[derive(Debug)]
 pub(crate) struct Hand {

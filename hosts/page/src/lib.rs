@@ -23,6 +23,7 @@ mod door;
 mod feed;
 mod hand;
 mod map;
+mod pad;
 mod pictures;
 mod renders;
 mod screen;

@@ -8,6 +8,7 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
+use asperity_live::SampleWriter;
 use axum::Router;
 use axum::body::Bytes;
 use axum::extract::{DefaultBodyLimit, Query, State};
@@ -20,7 +21,8 @@ use serde_json::Value;
 use tokio::sync::{oneshot, watch};
 use tokio::time::timeout;
 
-use crate::site::{AWAKE, COLOURS, DRAW, File, HTML, ICON, Options, SCRIPT, STYLE, Site};
+use crate::pad::{self, Pad};
+use crate::site::{AWAKE, COLOURS, DRAW, File, HTML, ICON, LINK, Options, POINTER, SCRIPT, STYLE, Site};
 
 /// Most bytes of a press.
 pub const PRESS: usize = 64 * 1024;
@@ -59,26 +61,33 @@ struct Shared {
 
 /// Serves a screen on a thread of its own, until the [`Screen`] is dropped.
 ///
+/// `pointer` takes the strokes of a participant's pad: x to the right and y away from the person, in mm from
+/// the middle of the pad, and pressure from 0 to 1 as force. The pad is there while a state has `pad: true`.
+///
 /// # Errors
 ///
 /// The port is taken. The address is not of this machine. The token has characters that an address may not
 /// hold. The system gives no random numbers, or no thread.
-pub fn screen(options: Options, who: Who) -> io::Result<Screen> {
+pub fn screen(options: Options, who: Who, pointer: Option<SampleWriter>) -> io::Result<Screen> {
     let shared = Arc::new(Shared {
         shown: watch::Sender::new((0, Value::Null)),
         pressed: Mutex::default(),
         stop: watch::Sender::new(false),
     });
-    let router = Router::new()
+    let mut router = Router::new()
         .route("/state", get(state))
         .route("/press", post(press))
         .layer(DefaultBodyLimit::max(PRESS))
         .with_state(shared.clone());
+    if let Some(pointer) = pointer {
+        let pad = Arc::new(Pad::new(pointer, shared.stop.clone()));
+        router = router.merge(Router::new().route("/ws", get(pad::stroke)).with_state(pad));
+    }
     let [page, script] = match who {
         Who::Participant => PARTICIPANT,
         Who::Experimenter => EXPERIMENTER,
     };
-    let files = [page, script, STYLES, POLL, ICON, COLOURS, AWAKE, DRAW];
+    let files = [page, script, STYLES, POLL, ICON, COLOURS, AWAKE, LINK, POINTER, DRAW];
     let site = Site::open(options, router, &files, shared.stop.clone())?;
     Ok(Screen { site, shared })
 }
@@ -197,7 +206,7 @@ mod tests {
     use super::*;
 
     fn open(who: Who) -> Screen {
-        screen(Options::default(), who).expect("it serves")
+        screen(Options::default(), who, None).expect("it serves")
     }
 
     /// Status and body of the answer to a request for a path with its query, on a thread of its own.

@@ -19,7 +19,7 @@ use crate::feed::Feed;
 use crate::hand::Hand;
 use crate::map::{Around, Map};
 use crate::renders::{Numbered, Rendered, Renders};
-use crate::site::{AWAKE, COLOURS, DRAW, File, HTML, ICON, Options, SCRIPT, STYLE, Site};
+use crate::site::{AWAKE, COLOURS, DRAW, File, HTML, ICON, LINK, Options, POINTER, SCRIPT, STYLE, Site};
 use crate::{client, pictures, stroke, wire};
 
 /// Most pages at a time. One more gets 503.
@@ -230,7 +230,8 @@ const FILES: &[File] = &[
     ("/record.js", SCRIPT, include_str!("../static/record.js")),
     ("/wav.js", SCRIPT, include_str!("../static/wav.js")),
     ("/drive.js", SCRIPT, include_str!("../static/drive.js")),
-    ("/link.js", SCRIPT, include_str!("../static/link.js")),
+    LINK,
+    POINTER,
     ("/hand.js", SCRIPT, include_str!("../static/hand.js")),
     AWAKE,
     ("/map.js", SCRIPT, include_str!("../static/map.js")),

@@ -47,6 +47,8 @@ pub(crate) const SCRIPT: &str = "text/javascript; charset=utf-8";
 pub(crate) const ICON: File = ("/icon.svg", "image/svg+xml", include_str!("../static/icon.svg"));
 pub(crate) const COLOURS: File = ("/colours.css", STYLE, include_str!("../static/colours.css"));
 pub(crate) const AWAKE: File = ("/awake.js", SCRIPT, include_str!("../static/awake.js"));
+pub(crate) const LINK: File = ("/link.js", SCRIPT, include_str!("../static/link.js"));
+pub(crate) const POINTER: File = ("/pointer.js", SCRIPT, include_str!("../static/pointer.js"));
 pub(crate) const DRAW: File = ("/draw.js", SCRIPT, include_str!("../static/draw.js"));
 
 /// A running server. A drop stops it.

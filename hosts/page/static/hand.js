@@ -1,13 +1,8 @@
-// The surface: strokes of a pointer are sent to the run at once, and drawn.
+// The surface: strokes of a pointer on it are drawn, and played again.
 import { canvas, colour, write } from "./draw.js";
+import { BAR_PX, Pointer } from "./pointer.js";
 import { lay } from "./quilt.js";
 
-const INCH_MM = 25.4;
-const BAR_PX = 96;
-/// A resting or lifted hand repeats its sample this often; a source stalls after 50 ms.
-const BEAT_MS = 15;
-/// Moves arrive late, by up to a frame. A repeated sample must not overtake them.
-const BEHIND_MS = 8;
 const INK_MS = 1200;
 /// Ink fades in so many steps; a step is drawn as one line.
 const FADES = 16;
@@ -17,19 +12,9 @@ const LIKE = 0.03;
 /// Period of the text with the place of the hand.
 const TEXT_MS = 100;
 
-export class Hand {
-  #link;
-  #surface = document.getElementById("surface");
+export class Hand extends Pointer {
   #ink = canvas(document.getElementById("ink"));
   #grid = canvas(document.getElementById("grid"));
-  #mm = Number(localStorage.getItem("asperity.bar_mm")) || INCH_MM;
-  #press = Number(localStorage.getItem("asperity.pressure")) || 0.4;
-  #there = false;
-  #mine = false;
-  #pointer = null;
-  #stroke = Math.floor(Math.random() * 1e6);
-  #last = null;
-  #said = 0;
   #trail = [];
   #inked = true;
   /// Length of the bar in mm that the grid was drawn for.
@@ -37,42 +22,19 @@ export class Hand {
   /// The picture on the surface and its width in mm.
   #picture = { image: null, mm: 0 };
   #told = 0;
-  #box = null;
-  #mouse = false;
-  #glide = null;
   /// A stroke that is played again: its rows, the next one, and when it began.
   #again = null;
-  /// The place at the middle of the surface in mm.
-  #middle = { x: 0, y: 0 };
 
   /** Takes each sample of a touch: its place, and the number of the touch. */
   onSample() {}
 
   constructor(link) {
-    this.#link = link;
-    const surface = this.#surface;
-    // Raw updates come at once, moves wait for the next frame. A browser has one or both: only one is used.
-    const moves = "onpointerrawupdate" in window ? "pointerrawupdate" : "pointermove";
-    surface.addEventListener("pointerdown", (event) => this.#down(event));
-    surface.addEventListener(moves, (event) => this.#move(event));
-    for (const name of ["pointerup", "pointercancel", "lostpointercapture"]) {
-      surface.addEventListener(name, (event) => this.#up(event));
-    }
-    surface.addEventListener("wheel", (event) => this.#wheel(event), { passive: false });
-    surface.addEventListener("contextmenu", (event) => event.preventDefault());
-    surface.addEventListener("keydown", (event) => this.#key(event));
-    surface.addEventListener("keyup", (event) => this.#keyUp(event));
-    surface.addEventListener("blur", () => this.#pointer === "keys" && this.#lift(performance.now()));
-    document.addEventListener("visibilitychange", () => document.hidden && this.#free());
-    addEventListener("pagehide", () => this.#free());
-    setInterval(() => this.#beat(), 5);
+    super(link, document.getElementById("surface"));
     this.#fields();
   }
 
-  /** Whether the graph listens to a pointer. */
   offer(there) {
-    this.#there = there;
-    this.#surface.classList.toggle("deaf", !there);
+    super.offer(there);
     document.getElementById("invite").textContent = there
       ? "Stroke here with a pen, a finger or the mouse. With the mouse, hold the button; the wheel presses harder or softer."
       : "This graph does not listen to a pointer. Start it with --hand pointer to stroke it here.";
@@ -84,29 +46,25 @@ export class Hand {
     this.#ruled = 0;
   }
 
-  /** Whose hand it is: yours, theirs or free. */
   held(whose) {
-    this.#mine = whose === "yours";
+    super.held(whose);
     document.getElementById("holder").textContent =
       { yours: "this page has the hand", theirs: "another page has the hand; touch to take it" }[whose] ?? "";
   }
 
   linked(there) {
-    if (!there) {
-      this.held("free");
-      this.endAgain();
-      this.#pointer = null;
-    }
+    if (!there) this.endAgain();
+    super.linked(there);
   }
 
   /** CSS pixels in a millimetre, and the place at the middle of the surface. */
   get view() {
-    return { scale: BAR_PX / this.#mm, ...this.#middle };
+    return { scale: BAR_PX / this.mm, ...this.middle };
   }
 
   /** Puts a place at the middle of the surface. */
   look(x, y) {
-    this.#middle = { x, y };
+    this.middle = { x, y };
     this.#trail.length = 0;
     this.#inked = true;
     this.#ruled = 0;
@@ -114,16 +72,15 @@ export class Hand {
 
   /** Plays rows of a stroke again as this hand: time in s, x, y, pressure. False while the hand is in use. */
   again(rows, done) {
-    if (this.#pointer !== null || !this.#there) return false;
-    this.#pointer = "again";
-    this.#stroke += 1;
+    if (this.pointer !== null || !this.there) return false;
+    this.touch("again");
     this.#again = { rows, next: 0, from: performance.now(), done };
     return true;
   }
 
   /** Ends a stroke that is played again. */
   endAgain() {
-    if (this.#pointer === "again") this.#lift(performance.now());
+    if (this.pointer === "again") this.lift(performance.now());
     const done = this.#again?.done;
     this.#again = null;
     done?.();
@@ -133,141 +90,45 @@ export class Hand {
     const press = document.getElementById("press");
     const ruler = document.getElementById("ruler");
     document.getElementById("bar").style.width = `${BAR_PX}px`;
-    ruler.value = this.#mm.toFixed(1);
+    ruler.value = this.mm.toFixed(1);
     ruler.addEventListener("change", () => {
       const mm = Number(ruler.value);
-      if (mm >= 5 && mm <= 80) this.#mm = mm;
-      ruler.value = this.#mm.toFixed(1);
-      localStorage.setItem("asperity.bar_mm", String(this.#mm));
+      if (mm >= 5 && mm <= 80) this.mm = mm;
+      ruler.value = this.mm.toFixed(1);
+      localStorage.setItem("asperity.bar_mm", String(this.mm));
     });
-    press.addEventListener("input", () => this.#setPress(Number(press.value)));
-    this.#setPress(this.#press);
+    press.addEventListener("input", () => this.setPress(Number(press.value)));
+    this.setPress(this.press);
   }
 
-  #setPress(to) {
-    this.#press = Math.min(1, Math.max(0.02, to));
-    document.getElementById("press").value = String(this.#press);
-    document.getElementById("press-now").textContent = this.#press.toFixed(2);
-    localStorage.setItem("asperity.pressure", String(this.#press));
+  setPress(to) {
+    super.setPress(to);
+    document.getElementById("press").value = String(this.press);
+    document.getElementById("press-now").textContent = this.press.toFixed(2);
   }
 
-  #wheel(event) {
-    event.preventDefault();
-    this.#setPress(this.#press - Math.sign(event.deltaY) * 0.02);
-  }
-
-  /** Pens have a pressure. A mouse has none, nor has a finger on a screen that reports only 0, 0.5 or 1. */
-  #pressure(event) {
-    const felt = event.pointerType === "pen" || ![0, 0.5, 1].includes(event.pressure);
-    return event.pointerType !== "mouse" && felt ? Math.min(1, event.pressure) : this.#press;
-  }
-
-  #place(event) {
-    // The place of the surface is read once a frame; a pen moves several times in one.
-    this.#box ??= this.#surface.getBoundingClientRect();
-    const box = this.#box;
-    const mm = this.#mm / BAR_PX;
-    return {
-      at: event.timeStamp,
-      x: (event.clientX - box.left - box.width / 2) * mm + this.#middle.x,
-      y: (box.top + box.height / 2 - event.clientY) * mm + this.#middle.y,
-      pressure: this.#pressure(event),
-      tilt: tilt(event),
-    };
-  }
-
-  #down(event) {
+  down(event) {
     this.endAgain();
-    if (this.#pointer !== null || !this.#there || event.button !== 0) return;
-    this.#surface.setPointerCapture(event.pointerId);
-    this.#box = null;
-    this.#pointer = event.pointerId;
-    this.#mouse = event.pointerType === "mouse";
-    this.#stroke += 1;
-    this.#send([this.#place(event)]);
+    super.down(event);
   }
 
-  #move(event) {
-    if (event.pointerId !== this.#pointer) return;
-    const all = event.getCoalescedEvents?.() ?? [];
-    this.#send((all.length ? all : [event]).map((one) => this.#place(one)));
-  }
-
-  #up(event) {
-    if (event.pointerId !== this.#pointer) return;
-    this.#pointer = null;
-    const place = event.type === "pointerup" ? this.#place(event) : { ...this.#last, at: event.timeStamp };
-    this.#send([{ ...place, pressure: 0 }]);
-  }
-
-  #lift(at) {
-    if (this.#last) this.#send([{ ...this.#last, at, pressure: 0 }]);
-    this.#pointer = null;
-  }
-
-  /** Arrow keys stroke too: while one is held, the hand moves at 60 mm/s. */
-  #key(event) {
-    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
-    if (!way || !this.#there) return;
-    event.preventDefault();
-    if (event.repeat || (this.#pointer !== null && this.#pointer !== "keys")) return;
-    if (this.#pointer === null) this.#stroke += 1;
-    this.#pointer = "keys";
-    this.#glide = { way, key: event.key, at: event.timeStamp, from: this.#last ?? this.#middle };
-    this.#send([{ at: event.timeStamp, x: this.#glide.from.x, y: this.#glide.from.y, pressure: this.#press }]);
-  }
-
-  #keyUp(event) {
-    if (this.#pointer === "keys" && event.key === this.#glide.key) this.#lift(event.timeStamp);
-  }
-
-  #beat() {
-    const now = performance.now();
-    if (this.#pointer === "again") {
-      const { rows, from } = this.#again;
-      const due = [];
-      for (; this.#again.next < rows.length && from + rows[this.#again.next][0] * 1000 <= now; this.#again.next += 1) {
-        const [t, x, y, pressure, ...tilt] = rows[this.#again.next];
-        due.push({ at: from + t * 1000, x, y, pressure, tilt });
-      }
-      // As many as a message may hold.
-      for (let i = 0; i < due.length; i += 100) this.#send(due.slice(i, i + 100));
-      if (this.#again.next === rows.length) this.endAgain();
-    } else if (this.#pointer === "keys") {
-      const { way, at, from } = this.#glide;
-      const mm = ((now - at) / 1000) * 60;
-      const box = this.#surface.getBoundingClientRect();
-      const scale = this.#mm / BAR_PX;
-      const fold = (x, size) => {
-        const half = (size / 2) * scale;
-        const turn = (((x + half) % (4 * half)) + 4 * half) % (4 * half);
-        return (turn < 2 * half ? turn : 4 * half - turn) - half;
-      };
-      const middle = this.#middle;
-      const x = middle.x + fold(from.x - middle.x + way[0] * mm, box.width);
-      const y = middle.y + fold(from.y - middle.y + way[1] * mm, box.height);
-      this.#send([{ at: now, x, y, pressure: this.#press }]);
-    } else if (this.#mine && this.#last && now - this.#said >= BEAT_MS && !document.hidden) {
-      // The wheel changes the pressure of a resting mouse.
-      const pressure = this.#mouse && this.#pointer !== null ? this.#press : this.#last.pressure;
-      this.#send([{ ...this.#last, pressure, at: Math.max(now - BEHIND_MS, this.#last.at) }]);
+  beat(now) {
+    if (this.pointer !== "again") return super.beat(now);
+    const { rows, from } = this.#again;
+    const due = [];
+    for (; this.#again.next < rows.length && from + rows[this.#again.next][0] * 1000 <= now; this.#again.next += 1) {
+      const [t, x, y, pressure, ...tilt] = rows[this.#again.next];
+      due.push({ at: from + t * 1000, x, y, pressure, tilt });
     }
+    // As many as a message may hold.
+    for (let i = 0; i < due.length; i += 100) this.send(due.slice(i, i + 100));
+    if (this.#again.next === rows.length) this.endAgain();
   }
 
-  #send(places) {
-    const numbers = new Float64Array(2 + 5 * places.length);
-    const now = performance.now();
-    numbers.set([1, now]);
-    places.forEach((place, i) => {
-      const at = Math.min(now, Math.max(place.at, this.#last ? this.#last.at + 0.01 : 0));
-      this.#last = { ...place, at };
-      numbers.set([at, place.x, place.y, place.pressure, this.#stroke], 2 + 5 * i);
-      this.#keep({ ...this.#last, stroke: this.#stroke });
-      if (this.#pointer !== "again") this.onSample(this.#last, this.#stroke);
-    });
-    this.#said = now;
+  sent(place, stroke) {
     this.#inked = true;
-    this.#link.tell(numbers);
+    this.#keep({ ...place, stroke });
+    if (this.pointer !== "again") this.onSample(place, stroke);
   }
 
   /** Appends a place to the trail, or moves its end there. */
@@ -279,16 +140,14 @@ export class Hand {
     else this.#trail.push(place);
   }
 
-  #free() {
+  free() {
     this.endAgain();
-    this.#pointer = null;
-    this.#mine = false;
-    this.#link.tell(new Float64Array([2]));
+    super.free();
   }
 
   /** Draws the last second of the hand; more pressure is wider. */
   draw() {
-    this.#box = null;
+    this.moved();
     this.#rule();
     const now = performance.now();
     const old = this.#trail.findIndex((place) => now - place.at < INK_MS);
@@ -296,8 +155,8 @@ export class Hand {
     if (!this.#inked && !this.#trail.length && !this.#ink.resized()) return;
     this.#inked = this.#trail.length > 0;
     const { pen, width, height } = this.#ink.clear();
-    const scale = BAR_PX / this.#mm;
-    const middle = this.#middle;
+    const scale = BAR_PX / this.mm;
+    const middle = this.middle;
     const X = (place) => width / 2 + (place.x - middle.x) * scale;
     const Y = (place) => height / 2 - (place.y - middle.y) * scale;
     // Round ends of transparent lines would show as dots where they meet.
@@ -338,12 +197,12 @@ export class Hand {
   }
 
   #touches() {
-    return this.#last && (this.#last.pressure > 0 || this.#pointer !== null);
+    return this.last && (this.last.pressure > 0 || this.pointer !== null);
   }
 
   #tip(pen, X, Y) {
     if (!this.#touches()) return;
-    const last = this.#last;
+    const last = this.last;
     Object.assign(pen, { fillStyle: colour("--hand"), strokeStyle: colour("--hand-edge"), lineWidth: 2 });
     pen.beginPath();
     pen.arc(X(last), Y(last), 4 + 9 * last.pressure, 0, 7);
@@ -354,9 +213,9 @@ export class Hand {
   /** Writes the place of the hand. */
   #tell() {
     const invite = document.getElementById("invite");
-    const touched = this.#pointer !== null && this.#there;
+    const touched = this.pointer !== null && this.there;
     if (invite.hidden !== touched) invite.hidden = touched;
-    const last = this.#last;
+    const last = this.last;
     const mm = (x) => `${x.toFixed(1).replace("-", "−")} mm`;
     const tilted = last?.tilt?.some((x) => Math.abs(x) >= 0.5)
       ? `, tilt ${last.tilt.map((x) => x.toFixed(0).replace("-", "−")).join("°, ")}°` : "";
@@ -368,35 +227,25 @@ export class Hand {
 
   /** Lines every 10 mm, so that a speed can be judged. */
   #rule() {
-    if (!this.#grid.resized() && this.#ruled === this.#mm) return;
-    this.#ruled = this.#mm;
+    if (!this.#grid.resized() && this.#ruled === this.mm) return;
+    this.#ruled = this.mm;
     const { pen, width, height, scale } = this.#grid.clear();
     const { image, mm } = this.#picture;
     const pictured = image && mm > 0;
-    if (pictured) lay(pen, width * scale, height * scale, image, mm, (BAR_PX * scale) / this.#mm);
+    if (pictured) lay(pen, width * scale, height * scale, image, mm, (BAR_PX * scale) / this.mm);
     pen.strokeStyle = colour(pictured ? "--over" : "--grid");
     pen.lineWidth = 1;
     pen.beginPath();
-    const step = (10 * BAR_PX) / this.#mm;
+    const step = (10 * BAR_PX) / this.mm;
     const first = (from) => ((from % step) + step) % step;
-    for (let x = first(width / 2 - (this.#middle.x * step) / 10); x < width; x += step) {
+    for (let x = first(width / 2 - (this.middle.x * step) / 10); x < width; x += step) {
       pen.moveTo(Math.round(x) + 0.5, 0);
       pen.lineTo(Math.round(x) + 0.5, height);
     }
-    for (let y = first(height / 2 + (this.#middle.y * step) / 10); y < height; y += step) {
+    for (let y = first(height / 2 + (this.middle.y * step) / 10); y < height; y += step) {
       pen.moveTo(0, Math.round(y) + 0.5);
       pen.lineTo(width, Math.round(y) + 0.5);
     }
     pen.stroke();
   }
-}
-
-/** Tilt of a pen in degrees: to the right, and away from the person. */
-function tilt({ pointerType, tiltX = 0, tiltY = 0, altitudeAngle, azimuthAngle }) {
-  if (pointerType !== "pen") return [0, 0];
-  if (tiltX || tiltY || !(altitudeAngle < Math.PI / 2)) return [tiltX, -tiltY];
-  // How far the pen leans over for its height.
-  const lean = 1 / Math.tan(Math.max(altitudeAngle, 0.01));
-  const degrees = (x) => (Math.atan(x * lean) * 180) / Math.PI;
-  return [degrees(Math.cos(azimuthAngle)), -degrees(Math.sin(azimuthAngle))];
 }

@@ -10,7 +10,9 @@ mod thresholds;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use asperity_statistics::{Alternative, describe, skewness_test, wilson_interval};
+use asperity_statistics::{
+    Alternative, Error, Interval, describe, mean_interval, median_interval, skewness_test, wilson_interval,
+};
 use serde::Serialize;
 
 use crate::file::{Experiment, Part};
@@ -23,6 +25,10 @@ pub use thresholds::{Condition, Threshold, Thresholds};
 
 /// Probability that an interval holds the true value.
 const CONFIDENCE: f64 = 0.95;
+/// Screening of raters (ITU-R BS.1534-3, 4.1.2): the lowest rating of a hidden reference that they knew, and
+/// the largest share of lower ones.
+const KNOWN: f64 = 90.0;
+const UNKNOWN_SHARE: f64 = 0.15;
 
 /// Figures of a study, as plain data. [`report`](Self::report) writes them for people.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -128,6 +134,8 @@ pub enum Figures {
         cells: Vec<Cell>,
         /// Answers of each number of a scale, over all cells.
         counts: Vec<(i64, usize)>,
+        /// Screening by the hidden reference of sliders.
+        screening: Option<Screening>,
     },
     /// Of *which* and of *same or different*.
     Shares(Vec<Share>),
@@ -135,6 +143,15 @@ pub enum Figures {
     Thresholds(Thresholds),
     /// Free texts that are not blank.
     Texts(Vec<Told>),
+}
+
+/// Screening of raters by a hidden reference, as in MUSHRA.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Screening {
+    /// The stimulus that is the reference, and also among those to rate.
+    pub reference: String,
+    /// People whose ratings are left out: code, ratings of the hidden reference below 90, and all of them.
+    pub left_out: Vec<(String, usize, usize)>,
 }
 
 /// Sample of a cell: one value a person, the mean of their answers there.
@@ -161,10 +178,14 @@ pub struct Summary {
     pub n: usize,
     /// Mean.
     pub mean: f64,
+    /// 95 % interval of the mean (Student's t); `None` for one value.
+    pub mean_95: Option<[f64; 2]>,
     /// Sample standard deviation; `None` for one value.
     pub sd: Option<f64>,
     /// Median.
     pub median: f64,
+    /// 95 % interval of the median, between two of the values; `None` for fewer than six.
+    pub median_95: Option<[f64; 2]>,
     /// Lower and upper quartile.
     pub quartiles: [f64; 2],
     /// Ends of the whiskers (Tukey 1977).
@@ -334,19 +355,27 @@ fn asked(experiment: &Experiment, table: &Table, part: &Part, question: &Questio
                 range: [*from as f64, *to as f64],
                 labels: [low.clone(), high.clone()],
                 of_stimuli: false,
-                cells: samples(table, &means, with(kinds)),
+                cells: samples(people(table).len(), &means, with(kinds)),
                 counts: counts(table, &part.name, question, *from..=*to),
+                screening: None,
             }
         }
         QuestionKind::Sliders { low, high } => {
             let shown = stimuli(experiment, part);
-            let means = table.means(&part.name, &question.name, |row| Some((key(row)?, row.about.clone()?)));
+            let screening = screening(experiment, table, part, question);
+            let left_out: Vec<&str> =
+                screening.iter().flat_map(|s| &s.left_out).map(|(who, ..)| who.as_str()).collect();
+            let means = table.means(&part.name, &question.name, |row| {
+                let counts = !left_out.contains(&row.participant.as_str());
+                counts.then_some((key(row)?, row.about.clone()?))
+            });
             Figures::Numbers {
                 range: [0.0, 100.0],
                 labels: [low.clone(), high.clone()],
                 of_stimuli: true,
-                cells: samples(table, &means, with(shown)),
+                cells: samples(people(table).len() - left_out.len(), &means, with(shown)),
                 counts: Vec::new(),
+                screening,
             }
         }
         QuestionKind::Which | QuestionKind::Same => {
@@ -396,8 +425,9 @@ fn survey_figures(table: &Table, question: &Question) -> Asked {
                 range: [*from as f64, *to as f64],
                 labels: [low.clone(), high.clone()],
                 of_stimuli: false,
-                cells: samples(table, &means, vec![(Vec::new(), String::new())]),
+                cells: samples(people(table).len(), &means, vec![(Vec::new(), String::new())]),
                 counts: counts(table, "", question, *from..=*to),
+                screening: None,
             }
         }
         // The other kinds of questions are about stimuli, and a survey shows none.
@@ -436,8 +466,7 @@ fn levels_of(experiment: &Experiment, factors: &[usize], row: &Row) -> Option<Ve
 /// Means of each participant, by levels and kind.
 type Means = BTreeMap<String, BTreeMap<(Vec<String>, String), f64>>;
 
-fn samples(table: &Table, means: &Means, cells: Vec<(Vec<String>, String)>) -> Vec<Cell> {
-    let people = people(table).len();
+fn samples(people: usize, means: &Means, cells: Vec<(Vec<String>, String)>) -> Vec<Cell> {
     let one = |key: (Vec<String>, String)| {
         let values: Vec<f64> = means.values().filter_map(|of| of.get(&key)).copied().collect();
         let tested = skewness_test(&values, Alternative::TwoSided);
@@ -453,13 +482,33 @@ fn samples(table: &Table, means: &Means, cells: Vec<(Vec<String>, String)>) -> V
     cells.into_iter().map(one).collect()
 }
 
+/// People who did not know the hidden reference. `None` where the reference is not among the stimuli to rate.
+fn screening(experiment: &Experiment, table: &Table, part: &Part, question: &Question) -> Option<Screening> {
+    let reference = part.reference.filter(|it| part.show.iter().flatten().any(|shown| shown == it))?;
+    let reference = experiment.stimuli[reference].name.clone();
+    let mut ratings: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
+    for row in rows(table, &part.name, &question.name).filter(|row| row.about.as_ref() == Some(&reference)) {
+        let (low, all) = ratings.entry(&row.participant).or_default();
+        *low += usize::from(row.answer.number().is_some_and(|x| x < KNOWN));
+        *all += 1;
+    }
+    let fails = |(who, (low, all)): (&str, (usize, usize))| {
+        (low as f64 > UNKNOWN_SHARE * all as f64).then(|| (who.to_owned(), low, all))
+    };
+    let left_out = ratings.into_iter().filter_map(fails).collect();
+    Some(Screening { reference, left_out })
+}
+
 fn summary(values: &[f64]) -> Option<Summary> {
     let d = describe(values).ok()?;
+    let ends = |interval: Result<Interval, Error>| interval.ok().map(|i| [i.low, i.high]);
     Some(Summary {
         n: d.n,
         mean: d.mean,
+        mean_95: ends(mean_interval(values, CONFIDENCE)),
         sd: d.deviation,
         median: d.median,
+        median_95: ends(median_interval(values, CONFIDENCE)),
         quartiles: d.quartiles,
         whiskers: d.whiskers,
         outliers: d.outliers,

@@ -4,13 +4,15 @@ use super::inference::NOT_SIGNIFICANT;
 use super::markdown::{Grid, NONE, digits, escaped, or_none, p_value, paragraph, short};
 use super::pictures::{distinct, joined, medians, pictures};
 use super::{
-    Analysis, Asked, Cell, Figures, Finding, PartFigures, Share, Summary, Tested, Threshold, Thresholds, Told,
+    Analysis, Asked, Cell, Figures, Finding, PartFigures, Screening, Share, Summary, Tested, Threshold,
+    Thresholds, Told,
 };
 
 const READ_NUMBERS: &str = "\
     n counts people. A person's value is the mean of their answers in the cell. Missing people gave no \
     answer there. Quartiles are interpolated (Hyndman and Fan 1996, type 7). Whiskers of the picture end \
-    at the last value within 1.5 box lengths (Tukey 1977).";
+    at the last value within 1.5 box lengths (Tukey 1977). The 95 % interval of a mean is that of Student's \
+    t. That of a median lies between two of the values (Conover 1999), and needs six people.";
 const READ_SKEWNESS: &str = "\
     Z and p are those of the two-sided skewness test (D'Agostino 1970). A small p speaks against a \
     normal distribution. Declared tests use ranks and do not need one.";
@@ -171,7 +173,7 @@ fn question(out: &mut String, asked: &Asked) {
 fn figures(out: &mut String, part: &PartFigures, asked: &Asked) {
     let factors: Vec<&str> = part.factors.iter().map(|(name, _)| name.as_str()).collect();
     match &asked.figures {
-        Figures::Numbers { range, labels, of_stimuli, cells, .. } => {
+        Figures::Numbers { range, labels, of_stimuli, cells, screening, .. } => {
             let [low, high] = labels;
             *out += &format!("From {} ({}) to {} ({}).\n\n", range[0], escaped(low), range[1], escaped(high));
             if let [rows, columns] = part.factors.as_slice() {
@@ -187,6 +189,7 @@ fn figures(out: &mut String, part: &PartFigures, asked: &Asked) {
                 }
             }
             numbers(out, &factors, if *of_stimuli { "stimulus" } else { "kind" }, cells);
+            screening.iter().for_each(|screening| screened(out, screening));
         }
         Figures::Shares(shares) => self::shares(out, &factors, shares),
         Figures::Thresholds(of) => thresholds(out, of),
@@ -194,8 +197,29 @@ fn figures(out: &mut String, part: &PartFigures, asked: &Asked) {
     }
 }
 
+/// Who was left out by the hidden reference.
+fn screened(out: &mut String, screening: &Screening) {
+    *out += &paragraph(&format!(
+        "Screening (ITU-R BS.1534-3): the hidden reference is {}. Who rates it below 90 in more than 15 % of \
+         the trials is left out of these figures.",
+        escaped(&screening.reference)
+    ));
+    match screening.left_out.as_slice() {
+        [] => *out += "Nobody is left out.\n\n",
+        all => {
+            let mut grid = Grid::new(["left out", "ratings below 90", "ratings"]);
+            all.iter().for_each(|(who, low, of)| grid.row([who.clone(), low.to_string(), of.to_string()]));
+            *out += &grid.text();
+        }
+    }
+}
+
 fn numbers(out: &mut String, factors: &[&str], kind: &str, cells: &[Cell]) {
-    let columns = [kind, "n", "missing", "median", "quartiles", "mean", "sd", "skew Z", "skew p"];
+    let columns =
+        [kind, "n", "missing", "median", "95 %", "quartiles", "mean", "95 %", "sd", "skew Z", "skew p"];
+    let interval = |ends: Option<[f64; 2]>, write: fn(f64) -> String| {
+        or_none(ends, |[low, high]| format!("{} to {}", write(low), write(high)))
+    };
     let mut grid = Grid::new(factors.iter().copied().chain(columns));
     for cell in cells {
         let s = cell.summary.as_ref();
@@ -204,8 +228,10 @@ fn numbers(out: &mut String, factors: &[&str], kind: &str, cells: &[Cell]) {
             s.map_or(0, |s| s.n).to_string(),
             cell.missing.to_string(),
             or_none(s, |s| short(s.median)),
+            interval(s.and_then(|s| s.median_95), short),
             or_none(s, quartiles),
             or_none(s, |s| format!("{:.2}", s.mean)),
+            interval(s.and_then(|s| s.mean_95), |x| format!("{x:.2}")),
             or_none(s.and_then(|s| s.sd), |sd| format!("{sd:.2}")),
             or_none(cell.skewness, |[z, _]| format!("{z:.2}")),
             p_value(cell.skewness.map(|[_, p]| p)),

@@ -440,3 +440,63 @@ fn sessions_that_differ_are_told() {
     assert!(report.contains("The file study.ron changed between sessions."), "{report}");
     assert!(report.contains("| slept \\| badly |"), "{report}");
 }
+
+#[test]
+fn rater_who_misses_the_hidden_reference_is_left_out() {
+    let ask = "sliders(name: \"s\", text: \"How close?\", low: \"far\", high: \"close\")";
+    let part = |reference: &str| {
+        format!("show: [(\"x\", \"w\", \"z\")], {reference} repeats: 20, sides: random, ask: [{ask}],")
+    };
+    // P03 rates it below 90 in 4 of 20 trials. P02 does so in 3, which is 15 %.
+    let rate = |who: u32, trial: &Trial, at: &mut [usize; 9]| {
+        at[who as usize] += 1;
+        let low = at[who as usize]
+            <= match who {
+                3 => 4,
+                2 => 3,
+                _ => 0,
+            };
+        let known = if low { 89.0 } else { 100.0 };
+        let number = |s: &usize| match s {
+            0 => ("x", known),
+            1 => ("w", 20.0 + f64::from(who)),
+            _ => ("z", 60.0),
+        };
+        let all = trial.places.iter().map(number).map(|(name, x)| (name.to_owned(), x));
+        Some(Answer::Numbers(all.collect()))
+    };
+    let analysed = |reference: &str| {
+        let study = experiment("", &part(reference));
+        let seen = std::cell::Cell::new([0; 9]);
+        let (table, sessions) = answered(&study, 8, |who, trial, _| {
+            let mut at = seen.get();
+            let answer = rate(who, trial, &mut at);
+            seen.set(at);
+            answer
+        });
+        Analysis::new(&study, &table, &sessions)
+    };
+    let figures = |analysis: &Analysis| match &analysis.parts[0].asked[0].figures {
+        Figures::Numbers { cells, screening, .. } => (cells.clone(), screening.clone()),
+        other => panic!("{other:?}"),
+    };
+    let known = analysed("reference: \"x\",");
+    let (cells, screening) = figures(&known);
+    let left_out = vec![("P03".to_owned(), 4, 20)];
+    assert_eq!(screening, Some(Screening { reference: "x".into(), left_out }));
+    let of = |cells: &[Cell], kind: &str| {
+        let cell = cells.iter().find(|cell| cell.kind == kind).unwrap();
+        (cell.missing, cell.summary.clone().unwrap())
+    };
+    let (missing, w) = of(&cells, "w");
+    assert_eq!((missing, w.n, w.median, w.median_95), (0, 7, 25.0, Some([21.0, 28.0])));
+    assert!((w.mean - (20.0 + 33.0 / 7.0)).abs() < 1e-12);
+    let [low, high] = w.mean_95.unwrap();
+    assert!(low < w.mean && w.mean < high && (w.mean - low - (high - w.mean)).abs() < 1e-9);
+    let report = known.report("pictures/");
+    assert!(report.contains("BS.1534-3") && report.contains("| P03 "), "{report}");
+    assert!(known.pictures().iter().any(|(name, _)| name.ends_with("boxes.svg")));
+    // Without a reference nobody is screened.
+    let (cells, screening) = figures(&analysed(""));
+    assert_eq!((screening, of(&cells, "w").1.n), (None, 8));
+}

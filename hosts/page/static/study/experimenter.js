@@ -75,6 +75,7 @@ function session(next) {
     ...next.levels,
     ["Reference", next.reference],
     ...next.shown.map((name, i) => [next.places[i], name]),
+    ["Chosen", next.chosen],
     ["Varied to", next.level === null ? "" : figure(next.level)],
   ];
 }

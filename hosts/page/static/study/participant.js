@@ -1,5 +1,7 @@
-// The participant's screen: one state at a time. All words come from the study, and nothing is kept.
+// The participant's screen: one state at a time. All words come from the study, and no answer is kept.
 import { make } from "./draw.js";
+import { Link } from "./link.js";
+import { Pointer } from "./pointer.js";
 import { follow, press } from "./poll.js";
 import "./awake.js";
 
@@ -17,11 +19,18 @@ let shown = "";
 let asked = [];
 let current = 0;
 let sent = false;
+/// The hand, where this page has a pad.
+let hand = null;
 
 function show(next) {
-  const text = JSON.stringify(next);
-  // After a lost connection the same screen keeps its answers.
-  if (text === shown) return;
+  const { chosen, ...rest } = next;
+  const text = JSON.stringify(rest);
+  // After a lost connection the same screen keeps its answers, and while another place is chosen.
+  if (text !== shown) build(next, text);
+  [...by("buttons").children].forEach((button, i) => button.setAttribute("aria-pressed", String(i === chosen)));
+}
+
+function build(next, text) {
   [screen, shown, sent, current] = [next, text, false, 0];
   const { state, sign, words } = next;
   document.documentElement.lang = words.language;
@@ -32,6 +41,10 @@ function show(next) {
   by("text").classList.toggle("quiet", !heading);
   document.body.dataset.state = state;
   document.body.dataset.sign = !sign ? "" : state === "wait" ? "wait" : numbered ? "go" : "";
+  stroke(next);
+  by("feel").hidden = !next.buttons.length;
+  by("choose").textContent = words.choose;
+  by("buttons").replaceChildren(...next.buttons.map(place));
   asked = next.questions.map(question);
   by("questions").replaceChildren(...asked.map(({ box }) => box));
   say(by("refused"), "");
@@ -47,6 +60,44 @@ function show(next) {
 function say(element, text) {
   element.textContent = text;
   element.hidden = !text;
+}
+
+/** Shows the pad while something is felt. */
+function stroke({ pad, sides, state }) {
+  const felt = pad && ["reference", "explore"].includes(state);
+  by("pad").hidden = !felt;
+  by("pad").classList.toggle("sides", sides);
+  by("pad").setAttribute("aria-label", screen.words.pad);
+  if (!pad) return;
+  if (!hand) {
+    const link = new Link();
+    hand = new Pointer(link, by("pad"));
+    hand.offer(true);
+    link.onHand = (whose) => hand.held(whose);
+    link.onState = (is) => hand.linked(is === "open");
+    link.open();
+  }
+  hand.moved();
+  if (!felt) hand.free();
+}
+
+/** A button that chooses a place to feel. */
+function place(word, at) {
+  const button = make("button", "", "");
+  button.type = "button";
+  if (at < 9) button.setAttribute("aria-keyshortcuts", String(at + 1));
+  button.append(make("span", "", word));
+  if (at < 9) button.append(cap(String(at + 1)));
+  button.addEventListener("click", () => choose(at));
+  return button;
+}
+
+async function choose(at) {
+  if (sent || at >= screen.buttons.length) return;
+  const of = screen;
+  say(by("refused"), "");
+  const why = await press({ press: "feel", token: screen.token, place: at });
+  if (of === screen && why) say(by("refused"), why);
 }
 
 function settle(of) {
@@ -91,14 +142,17 @@ function cap(text, name = "") {
   return key;
 }
 
+/** Whether digits answer questions. Where places have buttons, digits choose these. */
+const digits = () => !screen.buttons.length;
+
 const KINDS = {
   scale({ from, to, low, high }, at) {
     let letters = 0;
     const numbers = Array.from({ length: to - from + 1 }, (_, i) => from + i);
     const options = numbers.map((n) => {
-      const key = n >= 1 && n <= 7 ? String(n) : LETTERS[letters++] ?? "";
+      const key = digits() && n >= 1 && n <= 7 ? String(n) : LETTERS[letters++] ?? "";
       const word = String(n).replace("-", "−");
-      return { word, key: key === word ? "" : key, keys: [key, String(n)] };
+      return { word, key: key === word ? "" : key, keys: [key, digits() ? String(n) : ""] };
     });
     const built = choice(options, at, (i) => from + i);
     built.parts[0].setAttribute("aria-describedby", `ends-${at}`);
@@ -109,13 +163,16 @@ const KINDS = {
     const first = (word) => [...word.toLowerCase()][0];
     const options = places.map((word, i) => {
       const own = places.filter((other) => first(other) === first(word)).length === 1;
-      return { word, key: i < 7 ? String(i + 1) : "", keys: [String(i + 1), own ? first(word) : ""] };
+      const letter = own ? first(word) : "";
+      const digit = digits() ? String(i + 1) : "";
+      return { word, key: i < 7 && digit ? digit : letter, keys: [digit, letter] };
     });
     return choice(options, at, (i) => i);
   },
   same(_, at) {
     const { same, different } = screen.words;
-    const options = [same, different].map((word, i) => ({ word, key: String(i + 1), keys: [String(i + 1)] }));
+    const key = (i) => (digits() ? String(i + 1) : LETTERS[i]);
+    const options = [same, different].map((word, i) => ({ word, key: key(i), keys: [key(i)] }));
     return choice(options, at, (i) => i === 0);
   },
   sliders({ low, high }, at) {
@@ -287,7 +344,7 @@ addEventListener("focusin", ({ target }) => {
   if (at >= 0) point(at);
 });
 addEventListener("keydown", (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing || event.defaultPrevented) return;
   if (event.target.matches?.("textarea")) return;
   if (event.key === "Enter" || event.code === "Space") {
     event.preventDefault();
@@ -295,6 +352,11 @@ addEventListener("keydown", (event) => {
     return;
   }
   const key = named(event);
+  if (screen && !digits() && /^[1-9]$/.test(key)) {
+    event.preventDefault();
+    if (!event.repeat) choose(Number(key) - 1);
+    return;
+  }
   const letter = /^Key[A-Z]$/.test(event.code) ? event.code.slice(3).toLowerCase() : "";
   const takes = (key) => !sent && key && asked[current]?.take(key);
   // Other alphabets have the letters at their places.

@@ -38,6 +38,17 @@ pub struct Holding {
 }
 
 impl Hands {
+    /// Opens all devices of a graph. Returns them with the queues of its nodes.
+    pub fn of(schedule: &Schedule) -> Result<(Self, DeviceQueues), Failure> {
+        let outside = [Role::Hand, Role::Force].into_iter().flat_map(|role| schedule.with_role(role));
+        let ids: Vec<String> = outside.map(|(_, node)| node.id.clone()).collect();
+        let mut opened = open(schedule, &ids, &[], &AtomicBool::new(false))?;
+        let queues = std::mem::take(&mut opened.queues);
+        let mut it = Self::default();
+        it.go_on_with(opened, schedule);
+        Ok((it, queues))
+    }
+
     pub fn holding(&self) -> Vec<Holding> {
         let of = |held: &Held| Holding { node: held.node.clone(), address: held.handle.address() };
         self.open.values().map(of).collect()

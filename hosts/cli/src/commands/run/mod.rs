@@ -10,13 +10,12 @@ mod shows;
 
 use std::net::IpAddr;
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use asperity_engine::Options;
 use asperity_live::view::{Condition, Layout, Request, View};
 use asperity_live::{DOES_NOT_COME_BACK, Session, mic, prepare_live};
-use asperity_node::{Fault, Role};
+use asperity_node::Fault;
 
 use crate::card::{self, DeviceArgs};
 use crate::commands::render::recorder::Kept;
@@ -99,12 +98,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     distinct_files(&args.graph, schedule, editor.plugins(), named(&[("--report", args.report.as_ref())]))?;
     let report_file = args.report.as_deref().map(Pending::create).transpose()?;
     let recordings = Recordings::start(schedule)?;
-    let mut hands = Hands::default();
-    let outside = [Role::Hand, Role::Force].into_iter().flat_map(|role| schedule.with_role(role));
-    let ids: Vec<String> = outside.map(|(_, node)| node.id.clone()).collect();
-    let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
-    let queues = std::mem::take(&mut opened.queues);
-    hands.go_on_with(opened, schedule);
+    let (mut hands, queues) = Hands::of(schedule)?;
     if args.page.is_none() {
         for node in hands::pointers(schedule) {
             warn(&format!("`{}` is moved on the live page: add --page", node.id));

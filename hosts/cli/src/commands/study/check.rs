@@ -6,8 +6,7 @@ use std::path::PathBuf;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::Schedule;
-use asperity_node::Role;
-use asperity_study::{Experiment, Method, Stimulus};
+use asperity_study::{Experiment, Method, Stimulus, log};
 use serde_json::json;
 
 use super::experiment;
@@ -35,10 +34,13 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
-    let loaded = load_all(&experiment, &args.plugins)?.count;
+    let options = log::Options { plugins: args.plugins.plugin.clone(), ..log::Options::default() };
+    let (mut loader, _) = Loader::session(&experiment, &options, true)?;
+    // `study run` says which hand moves the stylus.
+    let loaded = load_all(&experiment, &mut loader, fits)?.count;
     let levels = Levels::measure(&experiment, 1, &args.plugins)?;
     print_report(args.json, || as_json(&experiment, loaded, &levels), || text(&experiment, loaded, &levels))?;
-    experiment.imbalances().iter().chain(&not_yet(&experiment)).for_each(|told| warn(told));
+    experiment.imbalances().iter().for_each(|told| warn(told));
     Ok(())
 }
 
@@ -49,14 +51,14 @@ pub struct All {
     pub files: BTreeSet<PathBuf>,
 }
 
+/// Whether a graph can follow another one.
+pub type Fits = fn(&Schedule, &Schedule) -> Result<(), Failure>;
+
 /// Loads every stimulus of every trial, at the ends of varied parameters. All must fit one sound card and
-/// engine, and masking noise must have its level.
-pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Failure> {
+/// engine by `fits`, and masking noise must have its level.
+pub fn load_all(experiment: &Experiment, loader: &mut Loader, fits: Fits) -> Result<All, Failure> {
     let mut done = BTreeSet::new();
     let mut files = BTreeSet::new();
-    let mut loader = Loader::bare(plugins);
-    loader.kinds = loader.kinds.looking();
-    loader.masking.clone_from(&experiment.masking);
     let mut first = None;
     for (number, part) in experiment.parts.iter().enumerate() {
         for trial in experiment.trials_of(number, 1) {
@@ -78,13 +80,9 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Fa
                     }
                     let schedule = loader.load(&filled, level, 1.0).map_err(about)?.compiled.schedule;
                     files.extend(loader.files(&filled, &schedule)?);
-                    if schedule.with_role(Role::Force).next().is_some() {
-                        let stimulus = &experiment.stimuli[*stimulus].name;
-                        warn(&format!("`{stimulus}`: a study does not push back with a device yet"));
-                    }
                     match &first {
                         None => first = Some(schedule),
-                        Some(first) => alike(first, &schedule, &experiment.stimuli[*stimulus])?,
+                        Some(first) => alike(first, &schedule, &experiment.stimuli[*stimulus], fits)?,
                     }
                 }
             }
@@ -95,16 +93,16 @@ pub fn load_all(experiment: &Experiment, plugins: &PluginArgs) -> Result<All, Fa
 }
 
 /// Refuses a stimulus that cannot follow another one in the same engine and on the same sound card.
-fn alike(first: &Schedule, next: &Schedule, stimulus: &Stimulus) -> Result<(), Failure> {
+fn alike(first: &Schedule, next: &Schedule, stimulus: &Stimulus, fits: Fits) -> Result<(), Failure> {
     let rates = |s: &Schedule| format!("{} ticks a second and {} Hz", s.tick_hz, s.audio_hz);
     let what = match fits(first, next) {
         Ok(()) => return Ok(()),
         Err(_) if rates(first) != rates(next) => {
             format!("`{}` runs at {}, and another stimulus at {}", stimulus.name, rates(next), rates(first))
         }
-        Err(_) => format!("`{}` has other outputs than another stimulus", stimulus.name),
+        Err(failure) => format!("`{}` cannot follow another stimulus: {}", stimulus.name, failure.reason()),
     };
-    let help = "all stimuli of a study share one engine and one sound card";
+    let help = "all stimuli of a study share one engine, one sound card and one hand";
     Err(Diagnostic::new(what).at_place(&stimulus.place).help(help).into())
 }
 
@@ -118,18 +116,6 @@ fn ends(method: &Method) -> Vec<f64> {
             levels.first().into_iter().chain(levels.last()).copied().collect()
         }
     }
-}
-
-/// Parts of the file that `study run` does not support yet, in sentences: it refuses such a study.
-pub fn not_yet(experiment: &Experiment) -> Vec<String> {
-    let mut found = Vec::new();
-    for part in &experiment.parts {
-        let name = &part.name;
-        if part.show.iter().any(|kind| kind.len() > 2) {
-            found.push(format!("part `{name}`: more than two stimuli at a time cannot be felt yet"));
-        }
-    }
-    found
 }
 
 /// Adds which stimulus it is about.

@@ -174,8 +174,7 @@ impl Levels {
     fn strength(&self, job: &Job, plugins: &PluginArgs) -> Result<(f64, Unit), Failure> {
         let place = &self.experiment.stimuli[job.stimulus].place;
         let input = Some(self.stroke.clone());
-        let mut loader = Loader::bare(plugins);
-        loader.args.input = input;
+        let mut loader = Loader::alone(plugins, input);
         let vary = job.vary.as_ref().map(|(set, level)| (set.as_str(), *level));
         let loaded = loader.load(&job.kind, vary, 1.0);
         let compiled = loaded.map_err(|failure| named(failure, &self.experiment, job.stimulus))?.compiled;
@@ -353,7 +352,7 @@ fn play(compiled: Compiled, ticks: u64, mut heard: impl FnMut(&Engine)) {
 }
 
 /// Refuses masking noise that the limits of the actuator hold back.
-pub fn check_masking(experiment: &Experiment, mut loader: Loader) -> Result<(), Failure> {
+pub fn check_masking(experiment: &Experiment, loader: &mut Loader) -> Result<(), Failure> {
     let Some(masking) = &experiment.masking else { return Ok(()) };
     let compiled = loader.quiet(experiment)?.compiled;
     let outs = compiled.schedule.with_role(Role::AudioOutput);

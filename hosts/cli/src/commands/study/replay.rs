@@ -14,7 +14,7 @@ use asperity_study::log::{self, Event};
 use super::stimulus::{HAND, Loader};
 use super::{COPY, inputs, run as session};
 use crate::failure::{Failure, clean, plural, print, warn, wrong};
-use crate::load::{Loaded, PluginArgs};
+use crate::load::Loaded;
 use crate::output::{Format, Pending, Rows, keep_all};
 
 /// Play a trial of a session again, from its log into a WAV file
@@ -86,11 +86,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let damaged = || Diagnostic::new("the inputs of a session are damaged").in_file(&path);
     let inputs = inputs::read(showing.session).ok_or_else(damaged)?;
-    let mut loader = Loader::bare(&PluginArgs { plugin: options.plugins.clone() });
-    loader.args.hand.clone_from(&options.hand);
-    loader.args.input.clone_from(&options.input);
-    loader.args.repeat = options.repeat;
-    loader.masking.clone_from(&experiment.masking);
+    let (loader, _) = Loader::session(&experiment, options, false)?;
     let stage = Stage { loader, experiment: &experiment, number: *number };
     let wav = Pending::create(&args.out)?;
     let stroke = args.stroke.as_deref().map(Pending::create).transpose()?;

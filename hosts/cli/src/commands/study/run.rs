@@ -1,19 +1,20 @@
 //! `asperity study run`: a participant's session, with screens, a hand and a sound card.
 
 use std::collections::BTreeSet;
+use std::io::ErrorKind;
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use asperity_diagnostics::file;
 use asperity_engine::Options;
+use asperity_graph::Schedule;
 use asperity_live::view::{Condition, View};
-use asperity_live::{DeviceQueues, Session, prepare_live};
+use asperity_live::{DeviceQueues, Session, needs_queues, prepare_live};
 use asperity_node::Role;
 use asperity_page::{Screen, Who, screen};
 use asperity_study::log::{self, Event, Log};
-use asperity_study::{Conduct, Experiment, Felt, Press};
+use asperity_study::{Conduct, Experiment, Felt, Press, Side};
 use serde_json::{Value, json};
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
@@ -23,7 +24,8 @@ use super::levels::Levels;
 use super::stimulus::{self, HAND, Loader, POSITION};
 use super::{COPY, check, experiment};
 use crate::card::{self, DeviceArgs};
-use crate::commands::run::hands::{self, Hands};
+use crate::commands::run::hands::Hands;
+use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, complain, print, warn, wrong};
 use crate::load::{Loaded, PluginArgs};
 use crate::number::whole;
@@ -37,7 +39,7 @@ use crate::output::write_text;
 #[command(mut_args = crate::number::may_be_negative)]
 #[command(after_help = crate::commands::examples(&[
     "asperity study run graphs/studies/heravi2024.ron --participant P07 --hand openhaptics",
-    "asperity study run mine.ron --participant P01 --device simulated --input stroke.csv --loop",
+    "asperity study run mine.ron --participant P01 --device simulated --hand page",
 ]))]
 pub struct Args {
     /// Experiment file
@@ -52,7 +54,7 @@ pub struct Args {
     /// Folder of the study; by default out/ and the name of the experiment file
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Let a hand device move the stylus, such as openhaptics or osc
+    /// Let a hand device move the stylus, such as openhaptics or osc; page: a pad on the participant's screen
     #[arg(long, value_name = "KIND[:param=value,...]", conflicts_with = "input")]
     pub hand: Option<String>,
     /// Play this recorded stroke instead of a hand, to try a study out
@@ -88,10 +90,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
     let number = number(args)?;
     experiment.imbalances().iter().for_each(|told| warn(told));
-    if let [first, ..] = check::not_yet(&experiment).as_slice() {
-        return Err(wrong(&args.file, first, "`asperity study check` lists all reasons"));
+    let (mut loader, others) = Loader::session(&experiment, &options(args), false)?;
+    for stimulus in others {
+        warn(&format!(
+            "`{stimulus}` pushes back with a device that does not move the stylus: it will not push"
+        ));
     }
-    let loaded = check::load_all(&experiment, &args.plugins)?;
+    let loaded = check::load_all(&experiment, &mut loader, follows)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
     keep_copy(&folder, &experiment)?;
@@ -110,17 +115,19 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
     let levels = Levels::measure(&experiment, number, &args.plugins)?;
-    let mut stage = Stage::begin(args, &experiment, levels)?;
+    let mut stage = Stage::begin(args, &experiment, loader, levels)?;
     append(&mut log, &path, &[begun(args, &experiment, number, &loaded.files)?])?;
-    let open = |who, name: &str| {
+    let pad = stage.hands.take_pointer();
+    stage.has_pad = pad.is_some();
+    let open = |who, name: &str, pad| {
         let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
-        let screen = screen(options, who);
+        let screen = screen(options, who, pad);
         let screen = screen.map_err(|e| Failure::Machine(format!("cannot serve the screens: {e}")))?;
         screen.urls().iter().for_each(|url| complain(&format!("{name} {url}\n")));
         Ok::<_, Failure>(screen)
     };
-    let participant = open(Who::Participant, "the participant's screen: ")?;
-    let experimenter = open(Who::Experimenter, "the experimenter's screen:")?;
+    let participant = open(Who::Participant, "the participant's screen: ", pad)?;
+    let experimenter = open(Who::Experimenter, "the experimenter's screen:", None)?;
     let screens = [participant, experimenter];
     let outcome = stage.play(&experiment, &mut conduct, &mut log, &path, &screens);
     stage.session.stop();
@@ -152,6 +159,27 @@ fn folder(args: &Args) -> PathBuf {
     args.out.clone().unwrap_or_else(|| Path::new("out").join(name))
 }
 
+/// Options that the stimuli depend on.
+fn options(args: &Args) -> log::Options {
+    log::Options {
+        hand: args.hand.clone(),
+        input: args.input.clone(),
+        repeat: args.repeat,
+        plugins: args.plugins.plugin.clone(),
+    }
+}
+
+/// Refuses a stimulus that cannot follow another one, or whose hand would have to be opened anew.
+fn follows(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
+    fits(running, next)?;
+    match needs_queues(running, next).as_slice() {
+        [] => Ok(()),
+        [node, ..] => Err(Failure::Machine(format!(
+            "the {node} has another kind or other parameters; --hand gives all stimuli the same"
+        ))),
+    }
+}
+
 /// Keeps a copy of the experiment in the folder. Another one is refused: its answers would not join.
 fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
     let copy = folder.join(COPY);
@@ -161,7 +189,12 @@ fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
             let help = "take another folder: --out";
             Err(wrong(copy, "the experiment file has changed since people took part", help))
         }
-        Err(_) => write_text(&copy, experiment.source.text()),
+        Err(e) if e.kind() == ErrorKind::NotFound => write_text(&copy, experiment.source.text()),
+        Err(e) => Err(wrong(
+            copy,
+            format!("cannot read the study's copy of its file: {e}"),
+            "--out names another folder",
+        )),
     }
 }
 
@@ -187,12 +220,7 @@ fn begun(
         version: env!("CARGO_PKG_VERSION").to_owned(),
         files,
         at: now,
-        options: log::Options {
-            hand: args.hand.clone(),
-            input: args.input.clone(),
-            repeat: args.repeat,
-            plugins: args.plugins.plugin.clone(),
-        },
+        options: options(args),
     })
 }
 
@@ -246,7 +274,9 @@ struct Stage {
     loader: Loader,
     levels: Levels,
     session: Session,
-    _hands: Hands,
+    hands: Hands,
+    /// Whether the participant's screen is the hand.
+    has_pad: bool,
     /// The stimulus that plays, and the one that was sent last.
     now: Key,
     sent: Option<(u64, Key)>,
@@ -260,23 +290,19 @@ struct Stage {
 }
 
 impl Stage {
-    fn begin(args: &Args, experiment: &Experiment, levels: Levels) -> Result<Self, Failure> {
-        let mut loader = Loader::bare(&args.plugins);
-        loader.args.hand.clone_from(&args.hand);
-        loader.args.input.clone_from(&args.input);
-        loader.args.repeat = args.repeat;
-        loader.masking.clone_from(&experiment.masking);
-        loader.kinds = loader.kinds.apart(true);
+    fn begin(
+        args: &Args,
+        experiment: &Experiment,
+        mut loader: Loader,
+        levels: Levels,
+    ) -> Result<Self, Failure> {
         let masking = experiment.masking.as_ref();
         let Loaded { graph, compiled, .. } = loader.quiet(experiment)?;
         let schedule = &compiled.schedule;
         let device = stimulus::device(&args.device, schedule, masking)?;
         let request = card::request(&device, schedule)?;
-        let mut hands = Hands::default();
-        let ids: Vec<String> = schedule.with_role(Role::Hand).map(|(_, node)| node.id.clone()).collect();
-        let mut opened = hands::open(schedule, &ids, &[], &AtomicBool::new(false))?;
-        let queues = DeviceQueues { record_hands: true, ..std::mem::take(&mut opened.queues) };
-        hands.go_on_with(opened, schedule);
+        let (hands, queues) = Hands::of(schedule)?;
+        let queues = DeviceQueues { record_hands: true, ..queues };
         let coils = card::coils(&args.device, schedule)?;
         let options = card::options(&args.device, request, coils);
         let (controller, player) =
@@ -287,7 +313,8 @@ impl Stage {
             loader,
             levels,
             session,
-            _hands: hands,
+            hands,
+            has_pad: false,
             now: None,
             sent: None,
             stylus_mm: [0.0, 0.0, f32::INFINITY],
@@ -312,6 +339,10 @@ impl Stage {
             for notice in self.session.poll().map_err(|e| card::not_opened(e, true))? {
                 complain(&format!("{notice}\n"));
             }
+            for problem in self.hands.problems() {
+                complain(&format!("{problem}\n"));
+                conduct.spoil(&problem);
+            }
             let view = self.session.view();
             self.listen();
             self.judge(conduct, &view);
@@ -335,13 +366,13 @@ impl Stage {
                         Err(why) => Err(why),
                     };
                     // The next screen is there before its page hears of the verdict.
-                    screens[0].show(conduct.participant());
+                    screens[0].show(self.participant(conduct));
                     pressed.answer(verdict);
                 }
             }
             let events = self.change(experiment, conduct, &view)?;
             append(log, path, &[self.unlogged(INPUT_TICKS, &view), events].concat())?;
-            screens[0].show(conduct.participant());
+            screens[0].show(self.participant(conduct));
             let mut screen = conduct.experimenter();
             if figures.elapsed() >= FIGURES {
                 (live, figures) = (self.figures(&view), Instant::now());
@@ -358,10 +389,21 @@ impl Stage {
                 return Ok(());
             }
             if !self.session.goes_on() {
-                return Err(Failure::Machine("the device is lost, or the engine failed".into()));
+                let failed = view.condition == Condition::Failed;
+                let why = if failed { "the engine failed" } else { "the device is lost" };
+                let note = Event::Note { text: why.into(), trial: conduct.shown().map(|(trial, _)| trial) };
+                append(log, path, &[self.unlogged(0, &view), vec![note]].concat())?;
+                return Err(Failure::Machine(format!("{why}; the same command goes on with this trial")));
             }
             std::thread::sleep(PACE);
         }
+    }
+
+    /// The participant's screen, with a pad if it is the hand.
+    fn participant(&self, conduct: &Conduct<'_>) -> Value {
+        let mut screen = conduct.participant();
+        screen["pad"] = self.has_pad.into();
+        screen
     }
 
     /// Takes a press: `mute` and `unmute` are the host's, all others the session's.
@@ -373,9 +415,9 @@ impl Stage {
         now_s: f64,
     ) -> Result<Vec<Event>, String> {
         let word = press["press"].as_str().unwrap_or_default();
-        let is_participants = matches!(word, "next" | "answer");
+        let is_participants = matches!(word, "next" | "answer" | "feel");
         if is_participants != (who == 0) {
-            return Err("this screen has no such button".into());
+            return Err(conduct.refused("invalid").0);
         }
         if matches!(word, "mute" | "unmute") {
             let muted = word == "mute";
@@ -383,8 +425,8 @@ impl Stage {
             let tick = self.session.view().ticks;
             return Ok(vec![Event::Muted { tick, muted }]);
         }
-        let press: Press = serde_json::from_value(press.clone()).map_err(|e| e.to_string())?;
-        conduct.press(press, now_s).map_err(|e| e.to_string())
+        let press: Press = serde_json::from_value(press.clone()).map_err(|_| conduct.refused("invalid").0)?;
+        conduct.press(press, now_s).map_err(|e| e.0)
     }
 
     /// Reads the motion of the stylus: from the hand's inputs, or from a stroke's positions.
@@ -470,10 +512,11 @@ impl Stage {
                 self.now = key;
             }
         }
-        let is_in_air = self.stylus_mm[2] >= 0.0;
-        // Nothing is felt while the output still rises.
-        let rises = view.condition == Condition::Starting;
-        let felt = self.under_the_stylus(conduct).filter(|_| !rises);
+        // Nothing is felt while the output rises or is muted. Silence comes at once.
+        let is_silent = self.session.run_control().muted() || view.condition == Condition::Starting;
+        let felt = if is_silent { Vec::new() } else { conduct.felt() };
+        let may_change = felt.is_empty() || self.stylus_mm[2] >= 0.0;
+        let felt = self.under_the_stylus(felt);
         let playing = |(trial, felt): (usize, &Felt)| Playing {
             trial,
             place: felt.place,
@@ -482,7 +525,7 @@ impl Stage {
             gain: if stimulus::file_of(&felt.kind).is_some() { self.levels.gain(trial, felt) } else { 0.0 },
         };
         let key = conduct.shown().map(|(number, _)| number).zip(felt.as_ref()).map(playing);
-        if key == self.now || self.sent.is_some() || !is_in_air || !self.session.graph_controller().ready() {
+        if key == self.now || self.sent.is_some() || !may_change || !self.session.graph_controller().ready() {
             return Ok(events);
         }
         let gain = key.map_or(0.0, |playing| playing.gain);
@@ -502,17 +545,16 @@ impl Stage {
         Ok(events)
     }
 
-    /// The stimulus at the stylus's place. In the strip between the sides, the one before.
-    fn under_the_stylus(&self, conduct: &Conduct<'_>) -> Option<Felt> {
-        let mut felt = conduct.felt();
+    /// The one of these stimuli at the stylus's place. In the strip between the sides, the one before.
+    fn under_the_stylus(&self, mut felt: Vec<Felt>) -> Option<Felt> {
         let x = self.stylus_mm[0];
-        let side = match (x < -MIDDLE_MM, x > MIDDLE_MM, self.now) {
-            (true, ..) => 0,
-            (_, true, _) => 1,
-            (_, _, Some(Playing { place, .. })) => place,
-            _ => 0,
+        let before = |felt: &Felt| self.now.is_some_and(|now| now.place == felt.place);
+        let side = match (x < -MIDDLE_MM, x > MIDDLE_MM) {
+            (true, _) => Side::Left,
+            (_, true) => Side::Right,
+            _ => felt.iter().find(|felt| before(felt)).map_or(Side::Left, |felt| felt.side),
         };
-        let at = felt.iter().position(|felt| felt.place == side)?;
+        let at = felt.iter().position(|felt| [side, Side::Everywhere].contains(&felt.side))?;
         Some(felt.swap_remove(at))
     }
 

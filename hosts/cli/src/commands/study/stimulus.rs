@@ -1,14 +1,16 @@
 //! From a stimulus to a graph that plays it.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use asperity_audio::Cause;
 use asperity_diagnostics::ron::{Key, Kind, Value};
 use asperity_diagnostics::{Diagnostic, Place};
-use asperity_graph::{GraphFile, Schedule};
+use asperity_graph::{GraphFile, NodeDecl, Schedule};
+use asperity_hand::device_of;
 use asperity_live::SessionError;
 use asperity_node::{Registry, Role, random};
-use asperity_study::{Experiment, Masking, StimulusKind};
+use asperity_study::{Experiment, Masking, StimulusKind, log};
 
 use crate::card::{self, DeviceArgs};
 use crate::failure::{Failure, wrong};
@@ -18,6 +20,10 @@ use crate::load::{self, GraphArgs, Loaded, PluginArgs};
 
 /// Name that the hand has in every stimulus, so that it goes on when one replaces another.
 pub const HAND: &str = "hand of the study";
+/// Name of the node that pushes back, in every stimulus: its device goes on, too.
+const PUSH: &str = "push of the study";
+/// A floor without stiffness.
+const NO_PUSH: &str = "no push of the study";
 /// Gain before the actuator's own nodes: silence and level matching.
 pub const GAIN: &str = "gain of the study";
 /// The probe that records the position of the stylus.
@@ -32,16 +38,64 @@ pub const MASK: &str = "masking output ";
 /// Loads the stimuli of a study, all of them for one hand and one sound card.
 pub struct Loader {
     /// Hand or recorded stroke that moves the stylus, and plugins.
-    pub args: GraphArgs,
-    pub masking: Option<Masking>,
+    args: GraphArgs,
+    masking: Option<Masking>,
+    /// The node that pushes back with the hand's device.
+    push: Option<NodeDecl>,
     pub kinds: Kinds,
 }
 
 impl Loader {
-    /// Without masking noise and hand, as a stimulus alone is.
-    pub fn bare(plugins: &PluginArgs) -> Self {
-        let args = GraphArgs { plugins: plugins.clone(), ..GraphArgs::default() };
-        Self { args, masking: None, kinds: Kinds::new(&plugins.plugin) }
+    /// Without masking noise and push, as a stimulus alone is. A recorded stroke may move the stylus.
+    pub fn alone(plugins: &PluginArgs, input: Option<PathBuf>) -> Self {
+        let args = GraphArgs { input, plugins: plugins.clone(), ..GraphArgs::default() };
+        Self { args, masking: None, push: None, kinds: Kinds::new(&plugins.plugin) }
+    }
+
+    /// As in a session with these options. `looks`: nothing is to be played. Returns also the names of stimuli
+    /// that push back with another device than the hand's: their forces are left out.
+    pub fn session(
+        experiment: &Experiment,
+        options: &log::Options,
+        looks: bool,
+    ) -> Result<(Self, BTreeSet<String>), Failure> {
+        let plugins = PluginArgs { plugin: options.plugins.clone() };
+        let mut it = Self::alone(&plugins, options.input.clone());
+        // The pad of a page is the same kind of node as on the live page.
+        it.args.hand = options.hand.as_ref().map(|hand| match hand.strip_prefix("page") {
+            Some(rest) if rest.is_empty() || rest.starts_with(':') => format!("pointer{rest}"),
+            _ => hand.clone(),
+        });
+        it.args.repeat = options.repeat;
+        it.masking.clone_from(&experiment.masking);
+        it.kinds = if looks { it.kinds.looking() } else { it.kinds.apart(true) };
+        let others = it.find_push(experiment)?;
+        Ok((it, others))
+    }
+
+    /// Finds the node that pushes back with the device which moves the stylus, in the first stimulus that has
+    /// one. Returns the names of stimuli that push back with another device.
+    fn find_push(&mut self, experiment: &Experiment) -> Result<BTreeSet<String>, Failure> {
+        let (mut others, mut done) = (BTreeSet::new(), BTreeSet::new());
+        for (stimulus, kind) in shown(experiment) {
+            let Ok((graph, ..)) = graph_of(&kind) else { continue };
+            if !done.insert(graph.clone()) {
+                continue;
+            }
+            let (graph, _) = load::read(&GraphArgs { graph, ..self.args.clone() }, &mut self.kinds)?;
+            let registry = self.kinds.registry(Some(&graph))?;
+            let forces = |node: &&NodeDecl| registry.role(&node.kind) == Some(Role::Force);
+            match graph.nodes.iter().find(|node| forces(node) && moves(&graph, node)) {
+                Some(node) if self.push.is_none() => {
+                    self.push = Some(NodeDecl { id: PUSH.into(), ..node.clone() });
+                }
+                None if graph.nodes.iter().any(|node| forces(&node)) => {
+                    others.insert(experiment.stimuli[stimulus].name.clone());
+                }
+                _ => (),
+            }
+        }
+        Ok(others)
     }
 
     /// Loads a graph, a scene or a clip with a stimulus's settings. `vary`: the varied parameter with its
@@ -64,10 +118,8 @@ impl Loader {
             graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
         }
         let registry = self.kinds.registry(Some(&graph))?;
-        if gain == 0.0 {
-            graph = load::without_force(&graph, &registry);
-        }
         name_hand(&mut graph, &registry, file)?;
+        push_back(&mut graph, &registry, gain > 0.0, self.push.as_ref())?;
         scale(&mut graph, &registry, gain)?;
         self.masking.as_ref().map_or(Ok(()), |masking| mask(&mut graph, &registry, masking))?;
         load::compile(&args, &mut self.kinds, graph, scene)
@@ -79,7 +131,8 @@ impl Loader {
             let what = "no stimulus is a graph or a clip: there is nothing to play";
             Diagnostic::new(what).in_file(experiment.source.path())
         };
-        self.load(&first(experiment).ok_or_else(nothing)?, None, 0.0)
+        let first = shown(experiment).find(|(_, kind)| file_of(kind).is_some());
+        self.load(&first.ok_or_else(nothing)?.1, None, 0.0)
     }
 
     /// Files that a loaded stimulus is made of.
@@ -120,13 +173,13 @@ pub fn file_of(kind: &StimulusKind) -> Option<&Value> {
     }
 }
 
-/// The first stimulus that plays: silence is played through its output.
-fn first(experiment: &Experiment) -> Option<StimulusKind> {
+/// All stimuli of all trials, as indices and with their levels filled in.
+pub fn shown(experiment: &Experiment) -> impl Iterator<Item = (usize, StimulusKind)> {
     let trials = (0..experiment.parts.len()).flat_map(|part| experiment.trials_of(part, 1));
-    let mut shown = trials.flat_map(|trial| {
-        trial.places.iter().map(|stimulus| experiment.shown(&trial, *stimulus)).collect::<Vec<_>>()
-    });
-    shown.find(|kind| file_of(kind).is_some())
+    trials.flat_map(|trial| {
+        let all = trial.places.iter().copied().chain(experiment.parts[trial.part].reference);
+        all.map(|stimulus| (stimulus, experiment.shown(&trial, stimulus))).collect::<Vec<_>>()
+    })
 }
 
 /// A stimulus in words, without its place.
@@ -180,6 +233,50 @@ pub fn not_opened(error: SessionError, masking: Option<&Masking>) -> Failure {
     card::not_opened(error, true)
 }
 
+/// Whether the device of a force node also moves the stylus.
+fn moves(graph: &GraphFile, force: &NodeDecl) -> bool {
+    device_of(&force.kind).is_some_and(|device| graph.nodes.iter().any(|node| node.kind == device.input()))
+}
+
+/// Gives the node that pushes back its common name. Without one, or in silence, `push` pushes with nothing,
+/// so that the device goes on.
+fn push_back(
+    graph: &mut GraphFile,
+    registry: &Registry,
+    sounds: bool,
+    push: Option<&NodeDecl>,
+) -> Result<(), Failure> {
+    let forces = |node: &NodeDecl| registry.role(&node.kind) == Some(Role::Force);
+    let own = graph.nodes.iter().position(|node| sounds && forces(node) && moves(graph, node));
+    if let Some(at) = own {
+        rename(graph, at, PUSH);
+    }
+    graph.nodes.retain(|node| node.id == PUSH || !forces(node));
+    let ids: BTreeSet<String> = graph.nodes.iter().map(|node| node.id.clone()).collect();
+    graph.wires.retain(|wire| ids.contains(&wire.to.node));
+    if let (None, Some(push)) = (own, push) {
+        graph.nodes.push(push.clone());
+        graph.add_node(NO_PUSH, "virtual_floor", &[("stiffness_n_per_mm", "0.0")], ORIGIN)?;
+        graph.add_wire(&format!("{HAND}.position"), NO_PUSH, ORIGIN);
+        for port in ["plane", "normal", "stiffness"] {
+            graph.add_wire(&format!("{NO_PUSH}.{port}"), &format!("{PUSH}.{port}"), ORIGIN);
+        }
+    }
+    Ok(())
+}
+
+/// Gives a node another name, also in its wires.
+fn rename(graph: &mut GraphFile, at: usize, name: &str) {
+    let id = std::mem::replace(&mut graph.nodes[at].id, name.to_owned());
+    for wire in &mut graph.wires {
+        for end in [&mut wire.from, &mut wire.to] {
+            if end.node == id {
+                name.clone_into(&mut end.node);
+            }
+        }
+    }
+}
+
 /// Gives the node that moves the stylus its common name, and records its outputs.
 fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result<(), Failure> {
     let moves = |kind: &str| matches!(registry.role(kind), Some(Role::Stroke | Role::Hand));
@@ -188,14 +285,7 @@ fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result
         let what = format!("one node moves the stylus of a stimulus; here are {}", found.len());
         return Err(file.error(what).into());
     };
-    let id = std::mem::replace(&mut graph.nodes[at].id, HAND.to_owned());
-    for wire in &mut graph.wires {
-        for end in [&mut wire.from, &mut wire.to] {
-            if end.node == id {
-                HAND.clone_into(&mut end.node);
-            }
-        }
-    }
+    rename(graph, at, HAND);
     // The host reads it; no file of this name is written.
     graph.add_node(POSITION, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
     graph.add_wire(&format!("{HAND}.position"), POSITION, ORIGIN);
