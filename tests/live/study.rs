@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use asperity_study::log::{self, Event};
 use harness::alone::beside_others;
 use harness::chromium::Chromium;
-use harness::live::{Live, told, until};
+use harness::live::{Live, rows, told, until};
 use harness::servers::{Jack, inside};
 use harness::{Room, csv, test_name};
 use rosc::{OscMessage, OscPacket, OscType};
@@ -556,19 +556,6 @@ fn places(dir: &Path) -> Vec<Option<usize>> {
     events(dir).iter().filter_map(place).collect()
 }
 
-/// Values of an output of the hand, in order.
-fn inputs(dir: &Path, wanted: &str) -> Vec<f32> {
-    use base64::Engine as _;
-    let values = |event: &Event| match event {
-        Event::Inputs { output, values, .. } if output == wanted => {
-            Some(base64::prelude::BASE64_STANDARD.decode(values).expect("base64"))
-        }
-        _ => None,
-    };
-    let bytes: Vec<u8> = events(dir).iter().filter_map(values).flatten().collect();
-    bytes.as_chunks::<4>().0.iter().map(|x| f32::from_le_bytes(*x)).collect()
-}
-
 /// The line of a session with another hand than a recorded stroke.
 fn by(hand: &str) -> Vec<&str> {
     [&LINE[..LINE.len() - 2], &["--hand", hand]].concat()
@@ -637,7 +624,11 @@ fn device_pushes_back_on_its_side_and_never_in_silence() {
         lower(-20.0, Some(0));
         until("a push after silence", pushes);
     }
-    // The answer ends the trial, and with it the force.
+    // A trial in which the output was muted comes again. The answer ends it, and with it the force.
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    let muted = |event: &Event| matches!(event, Event::Marked { why, .. } if why == "the output was muted");
+    assert!(events(&dir).iter().any(muted));
+    until("a push in the trial that comes again", pushes);
     assert_eq!(running.go_on().expect("it runs").1, 204);
     until("no push", lets_go);
 }
@@ -673,12 +664,14 @@ fn stroke_on_the_pad_is_the_hand() {
     // The pad goes with the trial, and lets the hand go.
     assert_eq!(running.go_on().expect("it runs").1, 204);
     assert_eq!(running.live.stop().code, 0);
-    let (position, force) = (inputs(&dir, "position"), inputs(&dir, "force"));
-    let rows = position.as_chunks::<3>().0;
-    let pressed: Vec<f32> = rows.iter().filter(|row| row[2] < -3.0).map(|row| row[0]).collect();
-    let (least, most) = pressed.iter().fold((f32::MAX, f32::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    dir.run("study replay out --participant P02 --trial 0 --out felt.wav --stroke felt.csv").ok();
+    let stroke = std::fs::read_to_string(dir.join("felt.csv")).expect("a stroke");
+    assert!(stroke.starts_with("t_s,x_mm,y_mm,z_mm,force_n\n"), "{}", &stroke[..60]);
+    let stroke = rows(&dir.join("felt.csv"));
+    let pressed: Vec<f64> = stroke.iter().filter(|row| row[2] < -3.0).map(|row| row[0]).collect();
+    let (least, most) = pressed.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
     assert!(least < -20.0 && most > 20.0, "it went from {least} to {most} mm in {} ticks", pressed.len());
-    assert!(force.iter().any(|n| (*n - 1.65).abs() < 0.01), "half of 3.3 N");
+    assert!(stroke.iter().any(|row| (row[3] - 1.65).abs() < 0.01), "half of 3.3 N");
 }
 
 /// A session on JACK in which the server dies while the only trial is felt.

@@ -63,7 +63,8 @@ fn session(dir: &Path, experiment: &Experiment, number: u32, pages: &mut [Chromi
     let person = experiment.person.session(experiment, number, 5);
     let trials = experiment.trials(number);
     let code = format!("P{number:02}");
-    let line = ["study", "run", STUDY, "--participant", &code, "--out", "out", "--device", "simulated"];
+    let line =
+        ["study", "run", STUDY, "--participant", &code, "--out", "out", "--device", "simulated:frames=256"];
     let mut running = Running::line(dir, &[&line[..], &["--input", "stroke.csv", "--loop"]].concat());
     let path = dir.join(format!("out/{code}.jsonl"));
     let hidden = hidden(experiment);

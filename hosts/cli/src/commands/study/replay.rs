@@ -11,7 +11,7 @@ use asperity_live::{DeviceQueues, GraphController, HandInput, Player, prepare_li
 use asperity_study::Experiment;
 use asperity_study::log::{self, Event};
 
-use super::stimulus::{HAND, Loader};
+use super::stimulus::{FORCE, HAND, Loader, POSITION};
 use super::{COPY, inputs, run as session};
 use crate::failure::{Failure, clean, plural, print, warn, wrong};
 use crate::load::Loaded;
@@ -91,10 +91,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let wav = Pending::create(&args.out)?;
     let stroke = args.stroke.as_deref().map(Pending::create).transpose()?;
     let changes = changes(showing.session, showing.ticks.end);
-    let (rows, tick_hz) = stage.play(wav, &inputs, &changes, &showing.ticks)?;
+    let (rows, motion, tick_hz) = stage.play(wav, &inputs, &changes, &showing.ticks)?;
     let mut written = vec![rows.finish()?];
     if let Some(stroke) = stroke {
-        written.push(stroke_of(stroke, &inputs, &showing.ticks, tick_hz)?);
+        written.push(stroke_of(stroke, &motion, tick_hz)?);
     }
     keep_all(written)?;
     print(&report(args, &showing, &changes, tick_hz))
@@ -198,6 +198,12 @@ fn same_files(files: &[(String, String)]) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Position and, of a hand, force in each tick of a showing.
+type Motion = BTreeMap<u64, Vec<f32>>;
+
+/// Columns of the motion.
+const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "z_mm", "force_n"];
+
 /// Where a session is played again.
 struct Stage<'e> {
     loader: Loader,
@@ -206,14 +212,15 @@ struct Stage<'e> {
 }
 
 impl Stage<'_> {
-    /// Plays the session to the end of these ticks, and writes their samples. Answers the tick rate.
+    /// Plays the session to the end of these ticks, and writes their samples. Answers their motion, too, and the
+    /// tick rate.
     fn play(
         mut self,
         wav: Pending,
         inputs: &BTreeMap<u64, HandInput>,
         changes: &[Change],
         ticks: &Range<u64>,
-    ) -> Result<(Rows, u32), Failure> {
+    ) -> Result<(Rows, Motion, u32), Failure> {
         let quiet = self.load(None)?;
         let motion: Vec<(u64, HandInput)> = inputs.iter().map(|(tick, input)| (*tick, *input)).collect();
         let replayed = HashMap::from([(HAND.to_owned(), motion)]);
@@ -224,7 +231,7 @@ impl Stage<'_> {
         let rates = player.rates();
         let mut rows = Rows::wav(wav, rates.channels, rates.rate_hz, Format::F32)?;
         let mut changes: VecDeque<&Change> = changes.iter().collect();
-        let mut out = Vec::new();
+        let (mut out, mut motion) = (Vec::new(), Motion::new());
         // Ticks without inputs were skipped.
         for tick in inputs.range(..ticks.end).map(|(tick, _)| *tick) {
             player.skip(tick - player.next_tick());
@@ -232,11 +239,17 @@ impl Stage<'_> {
                 self.change(change, &mut controller)?;
             }
             run_tick(&mut player, &mut out);
-            if ticks.contains(&tick) {
+            let is_in = ticks.contains(&tick);
+            if is_in {
                 rows.append(&out, rates.channels, |_| 0.0)?;
             }
+            controller.recorded(|recorded| match recorded.sink {
+                POSITION if is_in => motion.entry(tick - ticks.start).or_default().extend(recorded.values),
+                FORCE if is_in => motion.entry(tick - ticks.start).or_default().extend(recorded.values),
+                _ => (),
+            });
         }
-        Ok((rows, rates.tick_hz))
+        Ok((rows, motion, rates.tick_hz))
     }
 
     /// Sends a stimulus, which the engine takes over in its next tick.
@@ -276,18 +289,13 @@ fn run_tick(player: &mut Player, out: &mut Vec<f32>) {
     player.tick(0, out);
 }
 
-/// Writes the motion of ticks as a stroke.
-fn stroke_of(
-    file: Pending,
-    inputs: &BTreeMap<u64, HandInput>,
-    ticks: &Range<u64>,
-    tick_hz: u32,
-) -> Result<Pending, Failure> {
-    let header = ["x_mm", "y_mm", "z_mm", "force_n"].map(str::to_owned);
+/// Writes motion as a stroke.
+fn stroke_of(file: Pending, motion: &Motion, tick_hz: u32) -> Result<Pending, Failure> {
+    let count = motion.values().map(Vec::len).max().unwrap_or(0);
+    let header: Vec<String> = COLUMNS.iter().take(count).map(|name| (*name).to_owned()).collect();
     let mut rows = Rows::csv(file, &header)?;
-    for (tick, HandInput { position: [x, y, z], force, .. }) in inputs.range(ticks.clone()) {
-        let time = (tick - ticks.start) as f64 / f64::from(tick_hz);
-        rows.append(&[*x, *y, *z, *force], header.len(), |_| time)?;
+    for (tick, values) in motion {
+        rows.append(values, count, |_| *tick as f64 / f64::from(tick_hz))?;
     }
     rows.finish()
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_audio::Cause;
 use asperity_diagnostics::ron::{Key, Kind, Value};
-use asperity_diagnostics::{Diagnostic, Place};
+use asperity_diagnostics::{Diagnostic, Place, fnv};
 use asperity_graph::{GraphFile, NodeDecl, Schedule};
 use asperity_hand::device_of;
 use asperity_live::SessionError;
@@ -28,6 +28,8 @@ const NO_PUSH: &str = "no push of the study";
 pub const GAIN: &str = "gain of the study";
 /// The probe that records the position of the stylus.
 pub const POSITION: &str = "position of the study";
+/// The probe that records the force of a hand.
+pub const FORCE: &str = "force of the study";
 /// Origin of added nodes, in errors.
 const ORIGIN: &str = "asperity study";
 /// The shipped graph that plays a clip by its node `clip`.
@@ -120,7 +122,9 @@ impl Loader {
         let registry = self.kinds.registry(Some(&graph))?;
         name_hand(&mut graph, &registry, file)?;
         push_back(&mut graph, &registry, gain > 0.0, self.push.as_ref())?;
-        scale(&mut graph, &registry, gain)?;
+        let kept = scale(&mut graph, &registry, gain)?;
+        let tag = fnv(format!("{} {vary:?} {gain}", described(kind)).as_bytes());
+        set_apart(&mut graph, &kept, tag);
         self.masking.as_ref().map_or(Ok(()), |masking| mask(&mut graph, &registry, masking))?;
         load::compile(&args, &mut self.kinds, graph, scene)
     }
@@ -286,32 +290,37 @@ fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result
         return Err(file.error(what).into());
     };
     rename(graph, at, HAND);
-    // The host reads it; no file of this name is written.
-    graph.add_node(POSITION, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
-    graph.add_wire(&format!("{HAND}.position"), POSITION, ORIGIN);
+    let has_force = registry.role(&graph.nodes[at].kind) == Some(Role::Hand);
+    for (probe, output) in [(POSITION, "position"), (FORCE, "force")] {
+        if output == "position" || has_force {
+            // The host reads it; no file of this name is written.
+            graph.add_node(probe, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
+            graph.add_wire(&format!("{HAND}.{output}"), probe, ORIGIN);
+        }
+    }
     Ok(())
 }
 
-/// Inserts a gain before the inverse and limiter of each output.
-fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<(), Failure> {
+/// Inserts a gain before the inverse and limiter of each output. Returns the nodes behind it.
+fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<BTreeSet<String>, Failure> {
     let role = |graph: &GraphFile, id: &str| graph.node(id).and_then(|node| registry.role(&node.kind));
     let outs = graph.nodes.iter().filter(|node| registry.role(&node.kind) == Some(Role::AudioOutput));
     let outs: Vec<String> = outs.map(|node| node.id.clone()).collect();
+    let mut behind = BTreeSet::new();
     for (number, out) in outs.iter().enumerate() {
         let mut first = out.clone();
         let wire = loop {
             let Some(at) = graph.wires.iter().position(|wire| wire.to.node == first) else {
                 return Err(wrong(graph.source.path(), format!("`{first}` has no input"), "wire it"));
             };
+            behind.insert(first.clone());
             let from = &graph.wires[at].from.node;
             match role(graph, from) {
                 Some(Role::ActuatorInverse | Role::Limiter) => first = from.clone(),
                 _ => break at,
             }
         };
-        // Another gain is another node: what is behind it is crossfaded, and never has one stimulus's gain on
-        // another's signal.
-        let id = format!("{GAIN} {number}: {gain:?}");
+        let id = format!("{GAIN} {number}");
         graph.add_node(&id, "gain", &[("gain", &format!("{gain:?}"))], ORIGIN)?;
         let port = graph.wires[wire].to.port.clone();
         graph.wires[wire].to.node.clone_from(&id);
@@ -319,7 +328,20 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<(), Fa
         let to = port.map_or(first.clone(), |port| format!("{first}.{port}"));
         graph.add_wire(&id, &to, ORIGIN);
     }
-    Ok(())
+    Ok(behind)
+}
+
+/// Gives the nodes of a stimulus names of its own. So none goes on in another stimulus with other parameters:
+/// one is faded out whole while the other is faded in.
+fn set_apart(graph: &mut GraphFile, kept: &BTreeSet<String>, tag: u64) {
+    let shared = |id: &String| kept.contains(id) || [HAND, PUSH, POSITION, FORCE].contains(&id.as_str());
+    for at in 0..graph.nodes.len() {
+        let id = &graph.nodes[at].id;
+        if !shared(id) {
+            let name = format!("{id} ({tag:016x})");
+            rename(graph, at, &name);
+        }
+    }
 }
 
 /// Adds masking noise with a limiter and an output for each of its channels. The noise depends on seed and
