@@ -96,7 +96,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     check::load_all(&experiment, &args.plugins)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
-    keep_copy(&folder, &experiment)?;
+    let is_new = keep_copy(&folder, &experiment)?;
     let path = folder.join(format!("{}.jsonl", args.participant));
     let (mut log, events) = Log::open(&path)?;
     if let Some(Event::Begin { number: before, .. }) = events.first()
@@ -112,7 +112,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
     let levels = Levels::measure(&experiment, number, &args.plugins)?;
-    let mut stage = Stage::begin(args, &experiment, levels)?;
+    let stage = Stage::begin(args, &experiment, levels);
+    if stage.is_err() && is_new {
+        // Nobody took part: the file may be corrected.
+        let _ = std::fs::remove_file(folder.join(COPY));
+    }
+    let mut stage = stage?;
     append(&mut log, &path, &[begun(args, &experiment, number)?])?;
     let open = |who, name: &str| {
         let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
@@ -154,16 +159,17 @@ fn folder(args: &Args) -> PathBuf {
     args.out.clone().unwrap_or_else(|| Path::new("out").join(name))
 }
 
-/// Keeps a copy of the experiment in the folder. Another one is refused: its answers would not join.
-fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
+/// Keeps a copy of the experiment in the folder. Another one is refused: its answers would not join. Answers
+/// whether the copy is new.
+fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<bool, Failure> {
     let copy = folder.join(COPY);
     match std::fs::read_to_string(&copy) {
-        Ok(text) if text == experiment.source.text() => Ok(()),
+        Ok(text) if text == experiment.source.text() => Ok(false),
         Ok(_) => {
             let help = "take another folder: --out";
             Err(wrong(copy, "the experiment file has changed since people took part", help))
         }
-        Err(_) => write_text(&copy, experiment.source.text()),
+        Err(_) => write_text(&copy, experiment.source.text()).map(|()| true),
     }
 }
 
