@@ -312,7 +312,7 @@ fn clip_is_checked_like_a_graph() {
     dir.write("s.ron", clip(""));
     dir.run("study check s.ron").refused("a.wav").says(&["s.ron:3:"]);
     dir.write("a.wav", "no sound");
-    dir.run("study check s.ron").refused("a.wav: not a WAV file").says(&["for the stimulus `oak`"]);
+    dir.run("study check s.ron").refused("not a WAV file").says(&["a.wav", "for the stimulus `oak`"]);
     dir.run("render graphs/texture.ron --out a.wav --format i16 --seconds 3").ok();
     dir.run("study check s.ron").refused("does not say its acceleration").says(&["s.ron:3:"]);
     dir.write("s.ron", clip(", full_scale_m_s2: 1e9"));
