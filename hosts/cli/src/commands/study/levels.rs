@@ -287,15 +287,15 @@ impl Levels {
         let [a, b, c] = [width(|r| &r.part), width(|r| &r.condition), width(|r| &r.stimulus)];
         for Row { part, condition, stimulus, gains } in &rows {
             let _ = write!(out, "{part:a$}  {condition:b$}  {stimulus:c$}");
-            for (level, db) in gains {
-                // No negative zero.
-                let db = 0.0 - (-db).max(0.0);
-                let _ = match level {
-                    Some(level) => write!(out, "  {db:.1} dB at {level}"),
-                    None => write!(out, "  {db:.1} dB"),
-                };
-            }
-            out.push('\n');
+            let decibels = || gains.iter().map(|(_, db)| *db);
+            let _ = match gains.as_slice() {
+                [(Some(first), _), .., (Some(last), _)] => {
+                    let least = decibels().fold(f64::INFINITY, f64::min);
+                    let most = decibels().fold(f64::NEG_INFINITY, f64::max);
+                    writeln!(out, "  {least:.1} to {most:.1} dB at {first} to {last}")
+                }
+                _ => writeln!(out, "  {:.1} dB", decibels().next().unwrap_or_default()),
+            };
         }
         out
     }

@@ -99,7 +99,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let loaded = check::load_all(&experiment, &mut loader, follows)?;
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
-    keep_copy(&folder, &experiment)?;
+    let copy = folder.join(COPY);
+    let is_new = is_new(&copy, &experiment)?;
     let path = folder.join(format!("{}.jsonl", args.participant));
     let (mut log, events) = Log::open(&path)?;
     if let Some(Event::Begin { number: before, .. }) = events.first()
@@ -116,6 +117,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     }
     let levels = Levels::measure(&experiment, number, &args.plugins)?;
     let mut stage = Stage::begin(args, &experiment, loader, levels)?;
+    // Until here nobody took part: the file may still be corrected.
+    if is_new {
+        write_text(&copy, experiment.source.text())?;
+    }
     append(&mut log, &path, &[begun(args, &experiment, number, &loaded.files)?])?;
     let pad = stage.hands.take_pointer();
     stage.has_pad = pad.is_some();
@@ -180,22 +185,18 @@ fn follows(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
     }
 }
 
-/// Keeps a copy of the experiment in the folder. Another one is refused: its answers would not join.
-fn keep_copy(folder: &Path, experiment: &Experiment) -> Result<(), Failure> {
-    let copy = folder.join(COPY);
-    match std::fs::read_to_string(&copy) {
-        Ok(text) if text == experiment.source.text() => Ok(()),
+/// Whether the folder has no copy of the experiment yet. Another experiment is refused: its answers would not
+/// join.
+fn is_new(copy: &Path, experiment: &Experiment) -> Result<bool, Failure> {
+    let (what, help) = match std::fs::read_to_string(copy) {
+        Ok(text) if text == experiment.source.text() => return Ok(false),
+        Err(e) if e.kind() == ErrorKind::NotFound => return Ok(true),
         Ok(_) => {
-            let help = "take another folder: --out";
-            Err(wrong(copy, "the experiment file has changed since people took part", help))
+            ("the experiment file has changed since people took part".into(), "take another folder: --out")
         }
-        Err(e) if e.kind() == ErrorKind::NotFound => write_text(&copy, experiment.source.text()),
-        Err(e) => Err(wrong(
-            copy,
-            format!("cannot read the study's copy of its file: {e}"),
-            "--out names another folder",
-        )),
-    }
+        Err(e) => (format!("cannot read the study's copy of its file: {e}"), "--out names another folder"),
+    };
+    Err(wrong(copy, what, help))
 }
 
 /// The first event of a session: versions, and hashes of the files that trials depend on.
