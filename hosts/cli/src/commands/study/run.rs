@@ -179,9 +179,7 @@ fn follows(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
     fits(running, next)?;
     match needs_queues(running, next).as_slice() {
         [] => Ok(()),
-        [node, ..] => Err(Failure::Machine(format!(
-            "the {node} has another kind or other parameters; --hand gives all stimuli the same"
-        ))),
+        [node, ..] => Err(Failure::Machine(format!("the {node} has another kind or other parameters"))),
     }
 }
 
