@@ -335,12 +335,9 @@ fn masking_goes_on_over_swaps_of_matched_stimuli() {
         let felt: Vec<usize> = events(&dir).iter().filter_map(felt).collect();
         assert!(felt.contains(&0) && felt.contains(&1) && felt.len() > 4, "{felt:?}");
         let heard = ear.stop();
-        // Both tones are as strong as the weak one, but for the 10 ms in which one replaces the other.
-        let peak = |part: &[[f32; 2]]| part.iter().fold(0.0_f32, |most, [left, _]| most.max(left.abs()));
-        let peaks: Vec<f32> = heard.chunks(960).map(peak).collect();
-        let [strong, loud] = [0.0205, 0.019].map(|least| peaks.iter().filter(|peak| **peak > least).count());
-        println!("{loud} of {} parts are loud, {strong} louder", peaks.len());
-        assert!(strong <= 2 * felt.len() && loud > 4 * strong, "{strong} and {loud} of {}", peaks.len());
+        // Both tones are as strong as the weak one, also while one replaces the other.
+        let most = heard.iter().fold(0.0_f32, |most, [left, _]| most.max(left.abs()));
+        assert!((0.018..0.0202).contains(&most), "{most} A, of 0.02 and 0.05");
         // From the first second, when the session has faded in, to the last, when it fades out.
         let noise: Vec<f32> = heard.iter().map(|[_, right]| *right).skip_while(|x| *x == 0.0).collect();
         let noise = &noise[48_000..noise.len() - 48_000 * 3 / 2];
@@ -453,7 +450,7 @@ fn strokes(port: u16, over: &AtomicBool) {
     let began = Instant::now();
     while !over.load(Relaxed) {
         let t = began.elapsed().as_secs_f64();
-        let side = if (t / 0.8) as u64 % 2 == 0 { -1.0 } else { 1.0 };
+        let side = if t % 1.6 < 0.8 { -1.0 } else { 1.0 };
         let place =
             [side * 20.0 + 10.0 * (12.0 * t).sin(), 5.0 * t.cos(), if t % 0.8 < 0.5 { -2.0 } else { 3.0 }];
         let args = place.map(|x| OscType::Float(x as f32)).to_vec();
@@ -481,6 +478,12 @@ fn replay_has_the_samples_that_the_card_played() {
             // The output rises for two seconds first.
             for seconds in [0, 6, 4] {
                 ear.wait(seconds * 48_000);
+                if seconds == 6 {
+                    until("live figures", || {
+                        let live = running.screen(1).expect("it runs")["live"].clone();
+                        live["speed_mm_s"].as_f64() > Some(5.0) && live["force_n"].as_f64() > Some(0.1)
+                    });
+                }
                 assert_eq!(running.go_on().expect("it runs").1, 204);
             }
             over.store(true, Relaxed);

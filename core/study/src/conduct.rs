@@ -29,6 +29,8 @@ enum State {
     Wait,
     /// The trial's reference is felt.
     Reference,
+    /// The experimenter takes the sample of the reference away.
+    Exchange,
     /// The trial's stimuli are felt, and its questions answered.
     Explore,
     Survey,
@@ -198,6 +200,7 @@ impl<'e> Conduct<'e> {
             _ if self.is_paused => return Err(self.refused("paused")),
             Press::Ready => match self.state {
                 State::Wait => return Ok(self.begin_trial(now_s)),
+                State::Exchange => self.explore(now_s),
                 _ => return Err(self.refused("no_sample")),
             },
             Press::Next { token } | Press::Answer { token, .. } | Press::Feel { token, .. }
@@ -228,20 +231,20 @@ impl<'e> Conduct<'e> {
     /// Tells that the trial which is shown does not count, such as for a lost device. It is marked once it is
     /// answered. The first reason of a trial is kept.
     pub fn spoil(&mut self, why: &str) {
-        if matches!(self.state, State::Reference | State::Explore) {
+        if matches!(self.state, State::Reference | State::Exchange | State::Explore) {
             self.problem.get_or_insert_with(|| why.to_owned());
         }
     }
 
     /// Number of the trial that is shown, and its part.
     pub fn shown(&self) -> Option<(usize, usize)> {
-        let shown = matches!(self.state, State::Reference | State::Explore);
+        let shown = matches!(self.state, State::Reference | State::Exchange | State::Explore);
         self.step.as_ref().filter(|_| shown).map(|step| step.number).zip(self.part())
     }
 
     /// Leaves the trial out that is shown. `None`: no trial is shown.
     fn mark(&mut self, why: &str, answers: Vec<(String, Answer)>, now_s: f64) -> Option<Vec<Event>> {
-        let shown = matches!(self.state, State::Wait | State::Reference | State::Explore);
+        let shown = matches!(self.state, State::Wait | State::Reference | State::Exchange | State::Explore);
         let number = self.step.as_ref().filter(|_| shown)?.number;
         self.progress.mark();
         let marked = Event::Marked { trial: number, why: why.to_owned(), answers };
@@ -263,8 +266,12 @@ impl<'e> Conduct<'e> {
                 Ok(self.begun(now_s))
             }
             State::Reference => {
-                self.state = State::Explore;
-                self.since_s = now_s;
+                let sample = self.reference_sample().is_some();
+                if sample && !self.part().is_some_and(|part| self.experiment.parts[part].keeps_reference()) {
+                    self.state = State::Exchange;
+                } else {
+                    self.explore(now_s);
+                }
                 self.draw();
                 Ok(Vec::new())
             }
@@ -280,6 +287,11 @@ impl<'e> Conduct<'e> {
         }
         self.draw();
         Vec::new()
+    }
+
+    /// The trial's stimuli can be felt after the reference.
+    fn explore(&mut self, now_s: f64) {
+        (self.state, self.since_s) = (State::Explore, now_s);
     }
 
     fn begin_trial(&mut self, now_s: f64) -> Vec<Event> {
@@ -380,17 +392,31 @@ impl<'e> Conduct<'e> {
         self.trial().map(|trial| trial.part)
     }
 
-    /// Samples to mount for the present trial, each with the word of its place.
+    /// Samples that are mounted for the present trial, or are to be, each with the word of its place. That of
+    /// the reference is taken away before the others are felt.
     fn mounts(&self) -> Vec<(String, String)> {
         let Some(trial) = self.trial() else { return Vec::new() };
-        let part = &self.experiment.parts[trial.part];
-        let mount = |(place, stimulus): (String, usize)| match self.experiment.shown(trial, stimulus) {
-            StimulusKind::Real { mount } => mount.text().ok().map(|name| (place, name.to_owned())),
+        let keeps = self.experiment.parts[trial.part].keeps_reference();
+        let is_over = matches!(self.state, State::Exchange | State::Explore) && !keeps;
+        let reference = self.reference_sample().filter(|_| !is_over);
+        let shown = self.places().into_iter().zip(trial.places.iter());
+        let sample = |(place, stimulus): (String, &usize)| Some((place, self.sample(trial, *stimulus)?));
+        let reference = reference.map(|name| (self.word("reference"), name));
+        reference.into_iter().chain(shown.filter_map(sample)).collect()
+    }
+
+    /// Name of the sample that a stimulus is.
+    fn sample(&self, trial: &Trial, stimulus: usize) -> Option<String> {
+        match self.experiment.shown(trial, stimulus) {
+            StimulusKind::Real { mount } => mount.text().ok().map(str::to_owned),
             _ => None,
-        };
-        let reference = part.reference.map(|stimulus| (self.word("reference"), stimulus));
-        let shown = self.places().into_iter().zip(trial.places.iter().copied());
-        reference.into_iter().chain(shown).filter_map(mount).collect()
+        }
+    }
+
+    /// Name of the sample that the trial's reference is.
+    fn reference_sample(&self) -> Option<String> {
+        let trial = self.trial()?;
+        self.sample(trial, self.experiment.parts[trial.part].reference?)
     }
 
     fn needs_mount(&self) -> bool {
@@ -476,7 +502,7 @@ impl<'e> Conduct<'e> {
                 ("instructions", part.unwrap_or_default())
             }
             State::Break => ("break", self.word("break")),
-            State::Wait => ("wait", self.word("wait")),
+            State::Wait | State::Exchange => ("wait", self.word("wait")),
             State::Reference => ("reference", self.word("reference")),
             State::Explore => ("explore", self.word("explore")),
             State::Survey => ("survey", self.word("survey")),
@@ -532,7 +558,7 @@ impl<'e> Conduct<'e> {
     pub fn experimenter(&self) -> Value {
         let waits = match self.state {
             _ if self.is_paused => "experimenter",
-            State::Wait => "experimenter",
+            State::Wait | State::Exchange => "experimenter",
             State::End => "nobody",
             _ => "participant",
         };
@@ -620,7 +646,7 @@ mod tests {
             _ => Given::Text("so".into()),
         };
         let press = match screen["questions"].as_array().unwrap().as_slice() {
-            [] if conduct.experimenter()["state"] == "wait" => Press::Ready,
+            [] if conduct.participant()["state"] == "wait" => Press::Ready,
             [] => Press::Next { token },
             questions => {
                 Press::Answer { token, answers: questions.iter().map(|q| answer(q, random)).collect() }
@@ -738,6 +764,27 @@ mod tests {
             answered.sort_unstable();
             assert_eq!(answered, (0..10).collect::<Vec<_>>(), "cut after {cut} events");
         }
+    }
+
+    #[test]
+    fn sample_of_the_reference_is_taken_away_first() {
+        let part = "show: [(\"x\", \"z\")], reference: \"y\", sides: fixed,
+            ask: [which(name: \"w\", text: \"Which?\")]";
+        let study = crate::testing::experiment("", part);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mut random = Random::new(1);
+        let mut seen = Vec::new();
+        while !conduct.is_over() {
+            let (desk, felt) = (conduct.experimenter(), conduct.felt().len());
+            let mounts = desk["mount"].as_array().map_or(0, Vec::len);
+            seen.push((desk["state"].as_str().unwrap().to_owned(), mounts, felt));
+            go_on(&mut conduct, &mut random, 0.0);
+        }
+        let expected =
+            [("welcome", 1, 0), ("wait", 1, 0), ("reference", 1, 1), ("exchange", 0, 0), ("explore", 0, 2)];
+        let seen: Vec<(&str, usize, usize)> =
+            seen.iter().map(|(state, m, f)| (state.as_str(), *m, *f)).collect();
+        assert_eq!(seen, expected);
     }
 
     #[test]

@@ -20,7 +20,12 @@ const DOES = {
   end: "The session is over.",
 };
 /// States with a trial that can be left out.
-const TRIAL = ["wait", "reference", "explore"];
+const TRIAL = ["wait", "reference", "exchange", "explore"];
+/// What the experimenter does before the participant goes on.
+const DO = {
+  wait: "Mount the samples. Then press Ready.",
+  exchange: "Take the sample of the reference away. Then press Ready.",
+};
 
 let screen = null;
 let problem = "";
@@ -28,10 +33,10 @@ let problem = "";
 function show(next) {
   screen = next;
   const { state, is_paused: paused, live } = next;
-  const waits = state === "wait" && !paused;
+  const waits = state in DO && !paused;
   document.title = `Experimenter · ${next.title}`;
   write(by("title"), next.title);
-  const mounts = waits ? "Mount the samples. Then press Ready." : DOES[state] ?? state;
+  const mounts = waits ? DO[state] : DOES[state] ?? state;
   write(by("waits"), paused ? "Paused. The participant waits for you." : mounts);
   by("waits").dataset.for = next.waits_for;
   write(by("pause").children[0], paused ? "Resume" : "Pause");

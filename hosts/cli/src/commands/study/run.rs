@@ -558,7 +558,13 @@ impl Stage {
     }
 
     /// Figures for the experimenter.
-    fn figures(&self, view: &View) -> Value {
+    fn figures(&mut self, view: &View) -> Value {
+        let scopes = &self.session.graph_controller().layout().scopes;
+        let last = |name: &str| {
+            let at = scopes.iter().position(|scope| scope.name == name)?;
+            view.scopes.get(at)?.last().copied()
+        };
+        let (speed, force) = (last("speed"), last("force"));
         let problem = match view.condition {
             Condition::Lost => Some("the device is lost"),
             Condition::Failed => Some("the engine failed"),
@@ -566,8 +572,8 @@ impl Stage {
         };
         let place = self.stylus_mm.map(|x| if x.is_finite() { x } else { 0.0 });
         json!({
-            "position_mm": place, "drive": view.peak, "misses": view.timing.misses, "faults": view.faults,
-            "muted": view.muted, "device": view.device, "problem": problem,
+            "position_mm": place, "speed_mm_s": speed, "force_n": force, "drive": view.peak,
+            "misses": view.timing.misses, "faults": view.faults, "muted": view.muted, "device": view.device, "problem": problem,
         })
     }
 }
