@@ -31,9 +31,11 @@ fn hidden(experiment: &Experiment) -> Vec<String> {
 }
 
 /// All that a page shows, asked for and keeps.
-const ALL: &str = "fetch('/state?seen=0' + location.search.replace('?', '&')).then((all) => all.text()).then((text) => \
+const ALL: &str = "fetch('/state?seen=0' + location.search.replace('?', '&')) \
+    .then((all) => all.text()).then((text) => \
     [document.documentElement.outerHTML, text, document.title, JSON.stringify({ ...localStorage }), \
-     JSON.stringify({ ...sessionStorage }), ...performance.getEntries().map(({ name }) => name)].join('\\n'))";
+     JSON.stringify({ ...sessionStorage }), \
+     ...performance.getEntries().map(({ name }) => name)].join('\\n'))";
 
 /// Answers of a simulated person: of each trial by its number, and of the survey.
 fn answers_of(events: &[Event], trial: Option<usize>) -> Vec<(String, Answer)> {

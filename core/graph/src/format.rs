@@ -61,6 +61,8 @@ pub struct NodeDecl {
     pub every: u32,
     /// Parameters that the file sets.
     pub params: Vec<Setting>,
+    /// Name that its seed follows from; its own for `None`.
+    pub seeded_as: Option<String>,
 }
 
 /// A parameter with its value.
@@ -246,6 +248,7 @@ impl GraphFile {
             kind_place: at(kind),
             every: 1,
             params: params.iter().map(setting).collect::<Result<_, _>>()?,
+            seeded_as: None,
         });
         Ok(())
     }
@@ -314,6 +317,7 @@ impl NodeDecl {
             kind_place: kind_value.place(),
             every,
             params,
+            seeded_as: None,
         })
     }
 }

@@ -61,13 +61,18 @@ pub enum Press {
         place: usize,
     },
     /// The experimenter has mounted the samples.
-    Ready,
+    Ready {
+        /// Token of the screen that was shown.
+        token: String,
+    },
     /// The experimenter pauses.
     Pause,
     /// The experimenter goes on.
     Resume,
     /// The experimenter marks the trial: it does not count.
     Mark {
+        /// Token of the screen that was shown.
+        token: String,
         /// The reason.
         why: String,
     },
@@ -134,7 +139,8 @@ pub struct Conduct<'e> {
     experiment: &'e Experiment,
     progress: Progress<'e>,
     state: State,
-    is_paused: bool,
+    /// Since when it is paused, in s of the host's clock.
+    paused_s: Option<f64>,
     /// Why the trial that is shown does not count.
     problem: Option<String>,
     step: Option<Step>,
@@ -164,7 +170,7 @@ impl<'e> Conduct<'e> {
             experiment,
             progress,
             state: State::Welcome,
-            is_paused: false,
+            paused_s: None,
             problem: None,
             step: None,
             chosen: 0,
@@ -192,13 +198,27 @@ impl<'e> Conduct<'e> {
             Press::Note { text } => {
                 return Ok(vec![Event::Note { text, trial: self.step.as_ref().map(|s| s.number) }]);
             }
-            Press::Pause => self.is_paused = true,
-            Press::Resume => self.is_paused = false,
-            Press::Mark { why } => {
+            Press::Pause if self.paused_s.is_none() => {
+                self.paused_s = Some(now_s);
+                self.draw();
+                return Ok(vec![Event::Paused { paused: true }]);
+            }
+            Press::Resume => {
+                let Some(paused_s) = self.paused_s.take() else { return Ok(Vec::new()) };
+                // A pause is no part of the trial's time.
+                self.since_s += now_s - paused_s;
+                self.draw();
+                return Ok(vec![Event::Paused { paused: false }]);
+            }
+            Press::Pause => return Ok(Vec::new()),
+            Press::Mark { token, .. } | Press::Ready { token } if token != self.token => {
+                return Err(self.refused("changed"));
+            }
+            Press::Mark { why, .. } => {
                 return self.mark(&why, Vec::new(), now_s).ok_or_else(|| self.refused("no_trial"));
             }
-            _ if self.is_paused => return Err(self.refused("paused")),
-            Press::Ready => match self.state {
+            _ if self.paused_s.is_some() => return Err(self.refused("paused")),
+            Press::Ready { .. } => match self.state {
                 State::Wait => return Ok(self.begin_trial(now_s)),
                 State::Exchange => self.explore(now_s),
                 _ => return Err(self.refused("no_sample")),
@@ -236,6 +256,11 @@ impl<'e> Conduct<'e> {
         }
     }
 
+    /// Whether a screen with this token is shown.
+    pub fn shows(&self, token: &str) -> bool {
+        token == self.token
+    }
+
     /// Number of the trial that is shown, and its part.
     pub fn shown(&self) -> Option<(usize, usize)> {
         let shown = matches!(self.state, State::Reference | State::Exchange | State::Explore);
@@ -262,7 +287,7 @@ impl<'e> Conduct<'e> {
                 Ok(self.begun(now_s))
             }
             State::Break => {
-                self.state = if self.needs_mount() { State::Wait } else { State::Explore };
+                self.state = if self.has_sign() { State::Wait } else { State::Explore };
                 Ok(self.begun(now_s))
             }
             State::Reference => {
@@ -379,7 +404,7 @@ impl<'e> Conduct<'e> {
     fn before_trial(&self) -> State {
         match self.trial() {
             Some(trial) if trial.after_break => State::Break,
-            _ if self.needs_mount() => State::Wait,
+            _ if self.has_sign() => State::Wait,
             _ => State::Explore,
         }
     }
@@ -419,10 +444,6 @@ impl<'e> Conduct<'e> {
         self.sample(trial, self.experiment.parts[trial.part].reference?)
     }
 
-    fn needs_mount(&self) -> bool {
-        !self.mounts().is_empty()
-    }
-
     fn shown_names(&self) -> Vec<&str> {
         let places = self.trial().map_or(&[][..], |trial| &trial.places);
         places.iter().map(|s| self.experiment.stimuli[*s].name.as_str()).collect()
@@ -442,7 +463,7 @@ impl<'e> Conduct<'e> {
 
     /// The stimuli that are felt now: none between trials and in a pause.
     pub fn felt(&self) -> Vec<Felt> {
-        let Some(trial) = self.trial().filter(|_| !self.is_paused) else { return Vec::new() };
+        let Some(trial) = self.trial().filter(|_| self.paused_s.is_none()) else { return Vec::new() };
         let part = &self.experiment.parts[trial.part];
         let level = self.step.as_ref().and_then(|step| step.level);
         let count = trial.places.len();
@@ -495,7 +516,7 @@ impl<'e> Conduct<'e> {
     /// The participant's screen. It has no name of a condition, and nothing that stays the same for one.
     pub fn participant(&self) -> Value {
         let (state, text) = match self.state {
-            _ if self.is_paused => ("paused", self.word("paused")),
+            _ if self.paused_s.is_some() => ("paused", self.word("paused")),
             State::Welcome => ("welcome", self.word("welcome")),
             State::Instructions => {
                 let part = self.part().map(|part| self.experiment.parts[part].instructions.clone());
@@ -508,7 +529,7 @@ impl<'e> Conduct<'e> {
             State::Survey => ("survey", self.word("survey")),
             State::End => ("end", self.word("thanks")),
         };
-        let asks = !self.is_paused && matches!(self.state, State::Explore | State::Survey);
+        let asks = self.paused_s.is_none() && matches!(self.state, State::Explore | State::Survey);
         let questions: Vec<Value> =
             if asks { self.questions().iter().map(question).collect() } else { Vec::new() };
         let places = if asks { self.places() } else { Vec::new() };
@@ -521,7 +542,8 @@ impl<'e> Conduct<'e> {
                 .collect();
         json!({
             "state": state, "text": text, "token": self.token, "questions": questions, "places": places,
-            "buttons": if self.is_paused { Vec::new() } else { self.buttons() }, "chosen": self.chosen,
+            "buttons": if self.paused_s.is_some() { Vec::new() } else { self.buttons() },
+            "chosen": self.chosen,
             "sides": self.felt().iter().any(|felt| felt.side != Side::Everywhere),
             "sign": self.has_sign(), "trial": trial.replace("{count}", &count.to_string()), "words": words,
         })
@@ -557,7 +579,7 @@ impl<'e> Conduct<'e> {
     /// The experimenter's screen.
     pub fn experimenter(&self) -> Value {
         let waits = match self.state {
-            _ if self.is_paused => "experimenter",
+            _ if self.paused_s.is_some() => "experimenter",
             State::Wait | State::Exchange => "experimenter",
             State::End => "nobody",
             _ => "participant",
@@ -573,10 +595,12 @@ impl<'e> Conduct<'e> {
         let (number, count) = self.position();
         json!({
             "title": self.experiment.title, "part": part.map(|part| &part.name), "number": number,
-            "count": count, "left": self.progress.left(), "waits_for": waits, "is_paused": self.is_paused,
+            "count": count, "left": self.progress.left(), "waits_for": waits,
+            "is_paused": self.paused_s.is_some(),
             "state": format!("{:?}", self.state).to_lowercase(), "mount": self.mounts(), "levels": cell,
             "shown": self.shown_names(), "places": self.places(), "reference": reference,
-            "level": self.step.as_ref().and_then(|s| s.level), "chosen": self.buttons().get(self.chosen),
+            "token": self.token, "level": self.step.as_ref().and_then(|s| s.level),
+            "chosen": self.buttons().get(self.chosen),
         })
     }
 }
@@ -646,7 +670,7 @@ mod tests {
             _ => Given::Text("so".into()),
         };
         let press = match screen["questions"].as_array().unwrap().as_slice() {
-            [] if conduct.participant()["state"] == "wait" => Press::Ready,
+            [] if conduct.participant()["state"] == "wait" => Press::Ready { token },
             [] => Press::Next { token },
             questions => {
                 Press::Answer { token, answers: questions.iter().map(|q| answer(q, random)).collect() }
@@ -831,7 +855,8 @@ mod tests {
         while conduct.felt().is_empty() {
             log.extend(go_on(&mut conduct, &mut random, 0.0));
         }
-        log.extend(conduct.press(Press::Mark { why: "the sample fell off".into() }, 0.0).unwrap());
+        let token = conduct.experimenter()["token"].as_str().unwrap().to_owned();
+        log.extend(conduct.press(Press::Mark { token, why: "the sample fell off".into() }, 0.0).unwrap());
         assert!(
             matches!(log.last(), Some(Event::Marked { trial: 0, .. }))
                 || log.iter().any(|e| matches!(e, Event::Marked { trial: 0, .. }))
@@ -938,12 +963,12 @@ mod tests {
             crate::testing::experiment("", &format!("{MUSHRA}, repeats: 2").replace("reference: \"x\",", ""));
         let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
         go_on(&mut conduct, &mut Random::new(1), 0.0);
-        go_on_with(&mut conduct, Press::Ready);
+        go_on(&mut conduct, &mut Random::new(1), 0.0);
         feel(&mut conduct, 2).unwrap();
         let token = conduct.participant()["token"].as_str().unwrap().to_owned();
         let answers = vec![Given::Numbers(vec![1.0, 2.0, 3.0])];
         go_on_with(&mut conduct, Press::Answer { token, answers });
-        go_on_with(&mut conduct, Press::Ready);
+        go_on(&mut conduct, &mut Random::new(1), 0.0);
         assert_eq!(felt(&conduct), [(0, Side::Everywhere, 0)]);
     }
 
@@ -958,9 +983,12 @@ mod tests {
         let part = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")]";
         let study = crate::testing::experiment(fields, part);
         let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
-        let mark = || Press::Mark { why: String::new() };
-        assert_eq!(conduct.press(mark(), 0.0).unwrap_err().0, "Nichts!");
-        assert_eq!(conduct.press(Press::Ready, 0.0).unwrap_err().0, "Keine!");
+        let token = conduct.participant()["token"].as_str().unwrap().to_owned();
+        let mark = Press::Mark { token: token.clone(), why: String::new() };
+        assert_eq!(conduct.press(mark, 0.0).unwrap_err().0, "Nichts!");
+        assert_eq!(conduct.press(Press::Ready { token }, 0.0).unwrap_err().0, "Keine!");
+        let stale = Press::Mark { token: "0".into(), why: String::new() };
+        assert_eq!(conduct.press(stale, 0.0).unwrap_err().0, "Neu!");
         go_on(&mut conduct, &mut Random::new(1), 0.0);
         let token = conduct.participant()["token"].as_str().unwrap().to_owned();
         let stale = Press::Next { token: "0".into() };

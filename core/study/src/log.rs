@@ -1,7 +1,7 @@
 //! The log of a participant: one line of JSON an event, only appended to.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Seek as _, SeekFrom, Write as _};
+use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::{Diagnostic, file};
@@ -87,6 +87,9 @@ pub enum Event {
         samples: u64,
         /// Ticks whose inputs the log lacks.
         unlogged: u64,
+        /// Samples that the limits of the sound card's channels changed.
+        #[serde(default)]
+        limited: u64,
     },
     /// The experimenter mutes the output, or unmutes it.
     Muted {
@@ -94,6 +97,11 @@ pub enum Event {
         tick: u64,
         /// Whether it is muted.
         muted: bool,
+    },
+    /// The session pauses, or goes on.
+    Paused {
+        /// Whether it pauses.
+        paused: bool,
     },
     /// All questions of a trial are answered.
     Answered {
@@ -143,6 +151,14 @@ pub struct Options {
     pub plugins: Vec<PathBuf>,
 }
 
+/// Version that a simulated session begins with.
+pub const SIMULATED: &str = "simulated by ";
+
+/// Whether a log has simulated answers.
+pub fn is_simulated(events: &[Event]) -> bool {
+    matches!(events.first(), Some(Event::Begin { version, .. }) if version.starts_with(SIMULATED))
+}
+
 /// Appends events to a file. Each is on disk before [`append`](Self::append) returns.
 #[derive(Debug)]
 pub struct Log {
@@ -171,9 +187,9 @@ impl Log {
             let help = "a participant has one session at a time; stop the other one";
             return Err(Diagnostic::new("another session writes this log").in_file(path).help(help));
         }
-        let text = io::read_to_string(&file).map_err(cannot)?;
-        let whole = text.rfind('\n').map_or(0, |at| at + 1);
-        let events = parse(&text).map_err(|e| e.in_file(path))?;
+        let mut bytes = Vec::new();
+        (&file).read_to_end(&mut bytes).map_err(cannot)?;
+        let (events, whole) = whole_events(bytes).map_err(|e| e.in_file(path))?;
         let it = Self { file, end: whole as u64 };
         it.file.set_len(it.end).and_then(|()| it.file.sync_all()).map_err(cannot)?;
         Ok((it, events))
@@ -219,8 +235,15 @@ impl Log {
 /// A file that cannot be read; a whole line that is no event, with its number.
 pub fn read(path: &Path) -> Result<Vec<Event>, Diagnostic> {
     let bytes = file::read(path, MOST_BYTES)?;
-    let text = String::from_utf8(bytes).map_err(|_| Diagnostic::new("this log is no text").in_file(path))?;
-    parse(&text).map_err(|e| e.in_file(path))
+    whole_events(bytes).map(|(events, _)| events).map_err(|e| e.in_file(path))
+}
+
+/// Events of the whole lines of a log, and their bytes. A torn last line may end within a character.
+fn whole_events(mut bytes: Vec<u8>) -> Result<(Vec<Event>, usize), Diagnostic> {
+    let whole = bytes.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+    bytes.truncate(whole);
+    let text = String::from_utf8(bytes).map_err(|_| Diagnostic::new("this log is no text"))?;
+    Ok((parse(&text)?, whole))
 }
 
 /// Events of a log's text. A torn last line is left out.
@@ -240,7 +263,7 @@ mod tests {
     use super::*;
 
     fn answered(trial: usize) -> Event {
-        Event::Answered { trial, answers: vec![("rough".into(), Answer::Number(4))], seconds: 2.5 }
+        Event::Answered { trial, answers: vec![("räuh".into(), Answer::Number(4))], seconds: 2.5 }
     }
 
     #[test]

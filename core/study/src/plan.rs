@@ -1,9 +1,14 @@
 //! The trials of a participant: they follow from file, seed and participant number alone.
 
+use std::collections::BTreeMap;
+
 use asperity_numbers::Random;
 use asperity_numbers::random::seed_of;
 
 use crate::file::{Experiment, Method, Order, Part, Sides, Stimulus, StimulusKind};
+
+/// Trials of a block in which sides are balanced, for each stimulus of a trial.
+const BLOCK: usize = 4;
 
 /// A planned trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,9 +43,7 @@ impl Experiment {
         let mut own = Random::new(seed_of(seed, &participant.to_string()));
         let conditions = part.conditions();
         let orders = conditions_in_order(part, &conditions, participant, seed, &mut own);
-        // How often each condition was shown, to balance its sides.
-        let mut shown = vec![0; conditions.len()];
-        let starts = side_starts(&conditions, seed);
+        let mut turns = turns(part, &conditions, &orders, participant, seed, &mut own);
         let mut trials = Vec::new();
         for (at, level) in orders {
             let (cell, kind) = &conditions[at];
@@ -53,10 +56,11 @@ impl Experiment {
                 Sides::Fixed | Sides::Left | Sides::Right => (),
                 Sides::Random => shuffle(&mut places, &mut own),
                 Sides::Balanced => {
-                    places.rotate_left((starts[at] + shown[at] + participant as usize) % stimuli.len());
+                    let key = (at, level.map(f64::to_bits));
+                    let turn = turns.get_mut(&key).and_then(Vec::pop).unwrap_or(0);
+                    places.rotate_left(turn % stimuli.len());
                 }
             }
-            shown[at] += 1;
             let after_break =
                 part.break_every.is_some_and(|n| !trials.is_empty() && trials.len() % n as usize == 0);
             let track = part.vary.as_ref().filter(|_| level.is_none()).map(|_| at);
@@ -209,6 +213,37 @@ fn conditions_in_order(
     out
 }
 
+/// Condition of a trial, and its level if levels are fixed.
+type Shown = (usize, Option<u64>);
+
+/// How far the stimuli of each trial are turned, so that sides are balanced: within a level as well as
+/// possible, and over levels and participants. The order is drawn in blocks, so that nobody can foresee a
+/// side.
+fn turns(
+    part: &Part,
+    conditions: &[(Vec<(usize, usize)>, usize)],
+    orders: &[(usize, Option<f64>)],
+    participant: u32,
+    seed: u64,
+    own: &mut Random,
+) -> BTreeMap<Shown, Vec<usize>> {
+    let starts = side_starts(conditions, seed);
+    let mut counts: BTreeMap<Shown, usize> = BTreeMap::new();
+    orders.iter().for_each(|(at, level)| *counts.entry((*at, level.map(f64::to_bits))).or_default() += 1);
+    let mut next = starts;
+    let mut turns = BTreeMap::new();
+    for (key @ (at, _), count) in counts {
+        let first = next[at] + participant as usize;
+        next[at] += count;
+        let mut list: Vec<usize> = (first..first + count).collect();
+        let block = BLOCK * part.show[conditions[at].1].len();
+        list.chunks_mut(block).for_each(|block| shuffle(block, own));
+        list.reverse();
+        turns.insert(key, list);
+    }
+    turns
+}
+
 /// Offset of each condition's sides: half of the conditions of a kind begin each way.
 fn side_starts(conditions: &[(Vec<(usize, usize)>, usize)], seed: u64) -> Vec<usize> {
     let mut random = Random::new(seed_of(seed, "sides"));
@@ -338,5 +373,24 @@ mod tests {
         let study = experiment("", "show: [(\"x\", \"w\", \"z\")],");
         assert!(study.imbalances()[0].contains("10 trials of each condition"), "{:?}", study.imbalances());
         assert!(experiment("", "show: [(\"x\", \"w\")],").imbalances().is_empty());
+    }
+
+    #[test]
+    fn balanced_sides_cannot_be_foreseen() {
+        let part = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")],
+            vary: (stimulus: \"z\", set: \"a.b\", by: constant(levels: [0.1, 0.2], each: 8))";
+        let study = experiment("", part);
+        let mut alternate = 0;
+        for participant in 1..=20 {
+            let trials = study.trials(participant);
+            let first = |level: f64| trials.iter().filter(move |trial| trial.level == Some(level));
+            for level in [0.1, 0.2] {
+                assert_eq!(first(level).filter(|trial| trial.places[0] == 0).count(), 4, "of 8 at {level}");
+            }
+            let sides: Vec<usize> = first(0.1).map(|trial| trial.places[0]).collect();
+            alternate += usize::from(sides.windows(2).all(|pair| pair[0] != pair[1]));
+        }
+        // 2 of 70 orders alternate.
+        assert!(alternate <= 5, "{alternate} of 20 alternate");
     }
 }

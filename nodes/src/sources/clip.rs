@@ -144,6 +144,10 @@ impl Processor for Clip {
             let rises = self.touches && !self.waits;
             let most = (self.left() as f32 * self.step).min(1.0);
             self.gain = (self.gain + if rises { self.step } else { -self.step }).clamp(0.0, most);
+            // A rest of rounding is the end of a fade.
+            if self.gain < 0.5 * self.step {
+                self.gain = 0.0;
+            }
             // Smoothstep: no corner where a fade begins or ends.
             let fade = self.gain * self.gain * (3.0 - 2.0 * self.gain);
             *y = fade * self.samples.get(self.at).copied().unwrap_or(0.0);

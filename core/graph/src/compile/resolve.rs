@@ -111,7 +111,7 @@ fn node(
     if errors.len() > before {
         return None;
     }
-    let seed = seed_of(graph.seed, &decl.id);
+    let seed = seed_of(graph.seed, decl.seeded_as.as_ref().unwrap_or(&decl.id));
     let ports = Ports { inputs: Vec::new(), outputs: Vec::new() };
     let mut node = ResolvedNode { kind: kind.clone(), params, ports, seed, input_wires: Vec::new() };
     match kind.ports(&node.config(graph, index)) {

@@ -117,6 +117,7 @@ impl<'a> Builder<'a> {
             kind_place: place.clone(),
             every: 1,
             params,
+            seeded_as: None,
         });
     }
 

@@ -234,7 +234,7 @@ impl Analysis {
             participants: participants(table),
             excluded: excluded(experiment, table),
             notes: Vec::new(),
-            warnings: warnings(sessions),
+            warnings: warnings(experiment, sessions),
             parts: experiment.parts.iter().map(|part| part_figures(experiment, table, part)).collect(),
             survey: experiment.survey.iter().map(|question| survey_figures(table, question)).collect(),
         };
@@ -302,7 +302,7 @@ fn excluded(experiment: &Experiment, table: &Table) -> Vec<Excluded> {
     table.excluded.iter().map(one).collect()
 }
 
-fn warnings(sessions: &[Session]) -> Vec<String> {
+fn warnings(experiment: &Experiment, sessions: &[Session]) -> Vec<String> {
     let mut versions = BTreeSet::new();
     let mut files: BTreeMap<&str, BTreeSet<&str>> = BTreeMap::new();
     for event in sessions.iter().flat_map(|session| &session.events) {
@@ -319,7 +319,36 @@ fn warnings(sessions: &[Session]) -> Vec<String> {
     for (path, _) in files.iter().filter(|(_, hashes)| hashes.len() > 1) {
         told.push(format!("The file {path} changed between sessions."));
     }
+    let [unfelt, answered] = sessions
+        .iter()
+        .map(|session| unfelt(experiment, session))
+        .fold([0; 2], |[a, b], [c, d]| [a + c, b + d]);
+    if unfelt > 0 {
+        told.push(format!("In {unfelt} of {answered} answered trials, not every stimulus was played."));
+    }
     told
+}
+
+/// Answered trials of which a stimulus was never under the stylus, and all. Simulated people feel nothing.
+fn unfelt(experiment: &Experiment, session: &Session) -> [usize; 2] {
+    let trials = experiment.trials(session.number);
+    let (mut places, mut counts) = (BTreeSet::new(), [0; 2]);
+    if !session.events.iter().any(|event| matches!(event, Event::Inputs { .. })) {
+        return counts;
+    }
+    for event in &session.events {
+        match event {
+            Event::Shown { .. } => places.clear(),
+            Event::Stimulus { place: Some(place), .. } => _ = places.insert(*place),
+            Event::Answered { trial, .. } => {
+                let all = trials.get(*trial).map_or(0, |trial| trial.places.len());
+                counts[0] += usize::from((0..all).any(|place| !places.contains(&place)));
+                counts[1] += 1;
+            }
+            _ => (),
+        }
+    }
+    counts
 }
 
 fn part_figures(experiment: &Experiment, table: &Table, part: &Part) -> PartFigures {

@@ -74,9 +74,13 @@ type Stamp = Option<(SystemTime, u64)>;
 pub type Stamps = BTreeMap<PathBuf, Stamp>;
 
 pub fn stamps(args: &GraphArgs, plugins: &[PathBuf], schedule: &Schedule) -> Stamps {
+    let files: Vec<PathBuf> = files_read(args, schedule, plugins).into_iter().map(|(path, _)| path).collect();
+    stamps_of(&files)
+}
+
+pub fn stamps_of<'p>(files: impl IntoIterator<Item = &'p PathBuf>) -> Stamps {
     let stamp = |path: &PathBuf| std::fs::metadata(path).and_then(|m| Ok((m.modified()?, m.len()))).ok();
-    let files = files_read(args, schedule, plugins).into_iter().map(|(path, _)| path);
-    files.map(|path| (path.clone(), stamp(&path))).collect()
+    files.into_iter().map(|path| (path.clone(), stamp(path))).collect()
 }
 
 pub struct Watched {

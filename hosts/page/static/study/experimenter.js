@@ -23,7 +23,8 @@ const DOES = {
 const TRIAL = ["wait", "reference", "exchange", "explore"];
 /// What the experimenter does before the participant goes on.
 const DO = {
-  wait: "Mount the samples. Then press Ready.",
+  wait: "Mount the samples of this trial. Then press Ready.",
+  none: "Take all samples away. Then press Ready.",
   exchange: "Take the sample of the reference away. Then press Ready.",
 };
 
@@ -36,7 +37,7 @@ function show(next) {
   const waits = state in DO && !paused;
   document.title = `Experimenter · ${next.title}`;
   write(by("title"), next.title);
-  const mounts = waits ? DO[state] : DOES[state] ?? state;
+  const mounts = waits ? DO[next.mount.length || state !== "wait" ? state : "none"] : DOES[state] ?? state;
   write(by("waits"), paused ? "Paused. The participant waits for you." : mounts);
   by("waits").dataset.for = next.waits_for;
   write(by("pause").children[0], paused ? "Resume" : "Pause");
@@ -133,7 +134,7 @@ async function send(what, done = "") {
 }
 
 const ACTIONS = {
-  r: () => !by("ready").disabled && send({ press: "ready" }),
+  r: () => !by("ready").disabled && send({ press: "ready", token: screen.token }),
   p: () => !by("pause").disabled && send({ press: screen.is_paused ? "resume" : "pause" }),
   m: () => !by("mute").hidden && send({ press: screen.live.muted ? "unmute" : "mute" }),
 };
@@ -153,7 +154,7 @@ function form(id, input, what, done) {
     if (text && (await send(what(text), done))) by(input).value = "";
   });
 }
-form("mark", "why", (why) => ({ press: "mark", why }), "The trial is left out.");
+form("mark", "why", (why) => ({ press: "mark", token: screen.token, why }), "The trial is left out.");
 form("note", "remark", (text) => ({ press: "note", text }), "The note is in the log.");
 
 follow(show, (is) => (by("lost").hidden = is), REST_MS);

@@ -135,7 +135,7 @@ fn too_many_slots_fade_the_quietest_without_step() {
     );
     let mut engine = bench.engine("it", true).unwrap();
     run(&mut engine, "it", 300);
-    assert_eq!(facts(&mut engine), ["slots 40", "taps 40", "cut_short 32"]);
+    assert_eq!(facts(&mut engine), ["slots 40", "contacts 40", "taps 40", "cut_short 32"]);
 }
 
 #[test]

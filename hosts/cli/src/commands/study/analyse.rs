@@ -30,9 +30,24 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut sessions = Vec::new();
     for path in logs(&args.folder)? {
         let events = log::read(&path)?;
+        // A session that never began.
+        if events.is_empty() {
+            continue;
+        }
         let Some(Event::Begin { participant, number, .. }) = events.first() else {
             return Err(Diagnostic::new("this log does not begin with a session").in_file(path).into());
         };
+        let same = |other: &&Session| other.participant == *participant;
+        if sessions.iter().any(|other| same(&other)) {
+            let what = format!("two logs are of participant {participant}");
+            return Err(Diagnostic::new(what).in_file(path).help("take the copy out of this folder").into());
+        }
+        if let Some(other) = sessions.iter().find(|other: &&Session| other.number == *number) {
+            let other = &other.participant;
+            warn(&format!(
+                "participants {other} and {participant} have the number {number}: the same orders"
+            ));
+        }
         sessions.push(Session { participant: participant.clone(), number: *number, events });
     }
     if sessions.is_empty() {

@@ -40,7 +40,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let loaded = load_all(&experiment, &mut loader, fits)?.count;
     let levels = Levels::measure(&experiment, 1, &args.plugins)?;
     print_report(args.json, || as_json(&experiment, loaded, &levels), || text(&experiment, loaded, &levels))?;
-    experiment.imbalances().iter().for_each(|told| warn(told));
+    experiment.imbalances().iter().chain(&levels.undone()).for_each(|told| warn(told));
     Ok(())
 }
 
@@ -78,7 +78,7 @@ pub fn load_all(experiment: &Experiment, loader: &mut Loader, fits: Fits) -> Res
                     if stimulus::file_of(&filled).is_none() {
                         continue;
                     }
-                    let schedule = loader.load(&filled, level, 1.0).map_err(about)?.compiled.schedule;
+                    let schedule = loader.load(&filled, level, 1.0, None).map_err(about)?.compiled.schedule;
                     files.extend(loader.files(&filled, &schedule)?);
                     match &first {
                         None => first = Some(schedule),

@@ -27,6 +27,8 @@ const SETTLE_S: f64 = 0.2;
 const STAIRS: u32 = 17;
 /// Time over which masking noise is measured, in s.
 const MASKED_S: u32 = 3;
+/// A larger change of the gain over a varied parameter causes a warning, in dB.
+const TAKEN_DB: f64 = 3.0;
 /// Largest error of its level in dB.
 const MASK_DB: f64 = 0.5;
 
@@ -176,7 +178,7 @@ impl Levels {
         let input = Some(self.stroke.clone());
         let mut loader = Loader::alone(plugins, input);
         let vary = job.vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-        let loaded = loader.load(&job.kind, vary, 1.0);
+        let loaded = loader.load(&job.kind, vary, 1.0, None);
         let compiled = loaded.map_err(|failure| named(failure, &self.experiment, job.stimulus))?.compiled;
         let schedule = &compiled.schedule;
         let nodes = || schedule.nodes.iter().enumerate();
@@ -276,6 +278,22 @@ impl Levels {
             }
         }
         rows
+    }
+
+    /// Warnings where matching takes a change of level away from a varied parameter.
+    pub fn undone(&self) -> Vec<String> {
+        let warning = |row: &Row| {
+            let gains = || row.gains.iter().map(|(_, db)| *db);
+            let taken = gains().fold(f64::NEG_INFINITY, f64::max) - gains().fold(f64::INFINITY, f64::min);
+            (taken > TAKEN_DB).then(|| {
+                format!(
+                    "part `{}`, {}: level matching takes {taken:.0} dB from the varied parameter of `{}`; \
+                     leave `level` out to vary the strength",
+                    row.part, row.condition, row.stimulus
+                )
+            })
+        };
+        self.rows().iter().filter_map(warning).collect()
     }
 
     /// The table of gains; empty where no part matches levels.

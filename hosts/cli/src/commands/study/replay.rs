@@ -11,7 +11,7 @@ use asperity_live::{DeviceQueues, GraphController, HandInput, Player, prepare_li
 use asperity_study::Experiment;
 use asperity_study::log::{self, Event};
 
-use super::stimulus::{FORCE, HAND, Loader, POSITION};
+use super::stimulus::{HAND, Loader, POSITION};
 use super::{COPY, inputs, run as session};
 use crate::failure::{Failure, clean, plural, print, warn, wrong};
 use crate::load::Loaded;
@@ -19,9 +19,8 @@ use crate::output::{Format, Pending, Rows, keep_all};
 
 /// Play a trial of a session again, from its log into a WAV file
 ///
-/// The file has the samples that the sound card got, bit for bit, where no deadline was missed. The session is
-/// played from its beginning, faster than in real time. Run it in the folder of the session: it needs the same
-/// files.
+/// The file has the samples that the sound card got, bit for bit, where no deadline was missed. The session
+/// is played from its beginning, faster than in real time. It needs the files of the session at their paths.
 #[derive(Debug, clap::Args)]
 #[command(after_help = crate::commands::examples(&[
     "asperity study replay out/heravi2024 --participant P07 --trial 23 --out felt.wav",
@@ -85,7 +84,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         warn(&format!("the session ran on version {version}: the bytes may differ"));
     }
     let damaged = || Diagnostic::new("the inputs of a session are damaged").in_file(&path);
-    let inputs = inputs::read(showing.session).ok_or_else(damaged)?;
+    let before = |event: &&Event| !matches!(event, Event::Inputs { tick, .. } if *tick >= showing.ticks.end);
+    let inputs = inputs::read(showing.session.iter().filter(before)).ok_or_else(damaged)?;
     let (loader, _) = Loader::session(&experiment, options, false)?;
     let stage = Stage { loader, experiment: &experiment, number: *number };
     let wav = Pending::create(&args.out)?;
@@ -198,11 +198,11 @@ fn same_files(files: &[(String, String)]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Position and, of a hand, force in each tick of a showing.
+/// Position in each tick of a showing.
 type Motion = BTreeMap<u64, Vec<f32>>;
 
 /// Columns of the motion.
-const COLUMNS: [&str; 4] = ["x_mm", "y_mm", "z_mm", "force_n"];
+const COLUMNS: [&str; 3] = ["x_mm", "y_mm", "z_mm"];
 
 /// Where a session is played again.
 struct Stage<'e> {
@@ -212,8 +212,8 @@ struct Stage<'e> {
 }
 
 impl Stage<'_> {
-    /// Plays the session to the end of these ticks, and writes their samples. Answers their motion, too, and the
-    /// tick rate.
+    /// Plays the session to the end of these ticks, and writes their samples. Answers their motion, too, and
+    /// the tick rate.
     fn play(
         mut self,
         wav: Pending,
@@ -243,10 +243,10 @@ impl Stage<'_> {
             if is_in {
                 rows.append(&out, rates.channels, |_| 0.0)?;
             }
-            controller.recorded(|recorded| match recorded.sink {
-                POSITION if is_in => motion.entry(tick - ticks.start).or_default().extend(recorded.values),
-                FORCE if is_in => motion.entry(tick - ticks.start).or_default().extend(recorded.values),
-                _ => (),
+            controller.recorded(|recorded| {
+                if is_in && recorded.sink == POSITION {
+                    motion.entry(tick - ticks.start).or_default().extend(recorded.values);
+                }
             });
         }
         Ok((rows, motion, rates.tick_hz))
@@ -277,7 +277,7 @@ impl Stage<'_> {
         let kind = experiment.shown(trial, stimulus);
         let vary = experiment.parts[trial.part].vary.as_ref().filter(|vary| vary.stimulus == stimulus);
         let vary = vary.zip(change.level).map(|(vary, level)| (vary.set.as_str(), level));
-        self.loader.load(&kind, vary, change.gain)
+        self.loader.load(&kind, vary, change.gain, change.place.map(|place| (change.trial, place)))
     }
 }
 
@@ -324,12 +324,13 @@ fn report(args: &Args, showing: &Showing<'_>, changes: &[Change], tick_hz: u32) 
     for change in during {
         out += &format!("{:8.3} s  {}\n", seconds(change.tick), felt(Some(change)));
     }
-    let (mut late, mut lost, mut unlogged, mut muted) = (0, 0, 0, false);
+    let (mut late, mut lost, mut unlogged, mut limited, mut muted) = (0, 0, 0, 0, false);
     for event in showing.during {
         match event {
-            Event::Missed { deadlines, skipped, samples, .. } => {
+            Event::Missed { deadlines, skipped, samples, limited: changed, .. } => {
                 late += deadlines + skipped;
                 lost += samples;
+                limited += changed;
             }
             Event::Muted { muted: now, .. } => muted |= now,
             _ => {}
@@ -352,7 +353,11 @@ fn report(args: &Args, showing: &Showing<'_>, changes: &[Change], tick_hz: u32) 
         let ticks = plural(unlogged as usize, "tick");
         out += &format!("the log lacks the inputs of {ticks}: this file is not exact\n");
     }
-    if late + lost + unlogged == 0 && !muted {
+    if limited > 0 {
+        let samples = plural(limited as usize, "sample");
+        out += &format!("the limits of the sound card changed {samples}, which this file has as they were\n");
+    }
+    if late + lost + unlogged + limited == 0 && !muted {
         out += "no deadline was missed: these are the samples that were played\n";
     }
     out

@@ -1,7 +1,8 @@
 //! `asperity study run`: a participant's session, with screens, a hand and a sound card.
 
 use std::collections::BTreeSet;
-use std::io::ErrorKind;
+use std::fs::File;
+use std::io::{BufRead as _, BufReader, ErrorKind, Read as _};
 use std::net::IpAddr;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -22,11 +23,12 @@ use time::format_description::well_known::Rfc3339;
 use super::inputs::Inputs;
 use super::levels::Levels;
 use super::stimulus::{self, HAND, Loader, POSITION};
-use super::{COPY, check, experiment};
+use super::{COPY, check, experiment, logs};
 use crate::card::{self, DeviceArgs};
 use crate::commands::run::hands::Hands;
 use crate::commands::run::reloader::fits;
 use crate::failure::{Failure, complain, print, warn, wrong};
+use crate::load::files::{Stamps, stamps_of};
 use crate::load::{Loaded, PluginArgs};
 use crate::number::whole;
 use crate::output::write_text;
@@ -83,6 +85,8 @@ const MIDDLE_MM: f32 = 1.0;
 /// Ticks of a line of inputs in the log.
 const INPUT_TICKS: u64 = 2500;
 
+/// Longest first line of a log.
+const MOST_LINE: u64 = 1 << 20;
 /// Largest file of a stimulus.
 const MOST_BYTES: u64 = 64 << 20;
 
@@ -100,6 +104,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let folder = folder(args);
     std::fs::create_dir_all(&folder).map_err(|e| Failure::writing(&folder, e))?;
     let copy = folder.join(COPY);
+    no_simulation(&folder)?;
+    if number > experiment.participants {
+        warn(&format!("participant number {number} of {} that the study plans", experiment.participants));
+    }
     let is_new = is_new(&copy, &experiment)?;
     let path = folder.join(format!("{}.jsonl", args.participant));
     let (mut log, events) = Log::open(&path)?;
@@ -116,7 +124,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         return print(&format!("participant {} has answered everything\n", args.participant));
     }
     let levels = Levels::measure(&experiment, number, &args.plugins)?;
-    let mut stage = Stage::begin(args, &experiment, loader, levels)?;
+    let mut stage = Stage::begin(args, &experiment, loader, levels, &loaded.files)?;
     // Until here nobody took part: the file may still be corrected.
     if is_new {
         write_text(&copy, experiment.source.text())?;
@@ -181,6 +189,20 @@ fn follows(running: &Schedule, next: &Schedule) -> Result<(), Failure> {
         [] => Ok(()),
         [node, ..] => Err(Failure::Machine(format!("the {node} has another kind or other parameters"))),
     }
+}
+
+/// Refuses a folder with simulated answers, which never join real ones.
+fn no_simulation(folder: &Path) -> Result<(), Failure> {
+    for path in logs(folder)? {
+        let mut first = String::new();
+        let read =
+            File::open(&path).and_then(|file| BufReader::new(file.take(MOST_LINE)).read_line(&mut first));
+        if read.is_ok() && log::parse(&first).is_ok_and(|events| log::is_simulated(&events)) {
+            let what = "this folder has answers of simulated people";
+            return Err(wrong(path, what, "take another folder: --out"));
+        }
+    }
+    Ok(())
 }
 
 /// Whether the folder has no copy of the experiment yet. Another experiment is refused: its answers would not
@@ -252,6 +274,7 @@ struct Missed {
     deadlines: u64,
     skipped: u64,
     samples: u64,
+    limited: u64,
     /// Ticks whose inputs nobody read in time: so far, and logged ones.
     unlogged: u64,
     told: u64,
@@ -260,11 +283,13 @@ struct Missed {
 impl Missed {
     /// An event, if there are more misses than before.
     fn since(&mut self, view: &View) -> Option<Event> {
-        let now = [view.timing.misses, view.skipped_ticks, view.lost_samples, self.unlogged];
-        let before = [self.deadlines, self.skipped, self.samples, self.told];
-        let [deadlines, skipped, samples, unlogged] = std::array::from_fn(|i| now[i] - before[i]);
-        [self.deadlines, self.skipped, self.samples, self.told] = now;
-        (now != before).then_some(Event::Missed { tick: view.ticks, deadlines, skipped, samples, unlogged })
+        let now = [view.timing.misses, view.skipped_ticks, view.lost_samples, self.unlogged, view.guarded];
+        let before = [self.deadlines, self.skipped, self.samples, self.told, self.limited];
+        let [deadlines, skipped, samples, unlogged, limited] =
+            std::array::from_fn(|i| now[i].saturating_sub(before[i]));
+        [self.deadlines, self.skipped, self.samples, self.told, self.limited] = now;
+        let tick = view.ticks;
+        (now != before).then_some(Event::Missed { tick, deadlines, skipped, samples, unlogged, limited })
     }
 }
 
@@ -279,11 +304,16 @@ struct Stage {
     /// The stimulus that plays, and the one that was sent last.
     now: Key,
     sent: Option<(u64, Key)>,
-    /// Place of the stylus, and what is not logged yet.
+    /// Place of the stylus, and inputs that are not logged yet.
     stylus_mm: [f32; 3],
     inputs: Inputs,
     /// Misses that are logged.
     missed: Missed,
+    ticks_per_sample: f64,
+    /// The next stimulus, which waits for the stylus to be in the air.
+    waiting: Option<(Key, Loaded)>,
+    /// Versions of the stimuli's files when the session began.
+    stamps: Stamps,
     /// Figures when the trial began.
     before: Option<(usize, View)>,
 }
@@ -294,6 +324,7 @@ impl Stage {
         experiment: &Experiment,
         mut loader: Loader,
         levels: Levels,
+        files: &BTreeSet<PathBuf>,
     ) -> Result<Self, Failure> {
         let masking = experiment.masking.as_ref();
         let Loaded { graph, compiled, .. } = loader.quiet(experiment)?;
@@ -303,6 +334,7 @@ impl Stage {
         let (hands, queues) = Hands::of(schedule)?;
         let queues = DeviceQueues { record_hands: true, ..queues };
         let coils = card::coils(&args.device, schedule)?;
+        let ticks_per_sample = f64::from(schedule.tick_hz) / f64::from(schedule.audio_hz);
         let options = card::options(&args.device, request, coils);
         let (controller, player) =
             prepare_live(compiled, &graph, Options::default(), queues, None, Vec::new());
@@ -319,6 +351,9 @@ impl Stage {
             stylus_mm: [0.0, 0.0, f32::INFINITY],
             inputs: Inputs::default(),
             missed: Missed::default(),
+            ticks_per_sample,
+            waiting: None,
+            stamps: stamps_of(files),
             before: None,
         })
     }
@@ -348,7 +383,8 @@ impl Stage {
             for (who, screen) in screens.iter().enumerate() {
                 while let Some(pressed) = screen.pressed() {
                     let now_s = began.elapsed().as_secs_f64();
-                    if pressed.press["press"] == "answer" {
+                    let token = pressed.press["token"].as_str().unwrap_or_default();
+                    if pressed.press["press"] == "answer" && conduct.shows(token) {
                         self.judge_times(experiment, conduct, &view);
                     }
                     let verdict = match self.press(&pressed.press, who, conduct, now_s) {
@@ -478,9 +514,13 @@ impl Stage {
     /// Marks a trial that ends and missed more than a share of its deadlines.
     fn judge_times(&self, experiment: &Experiment, conduct: &mut Conduct<'_>, view: &View) {
         let Some((_, before)) = &self.before else { return };
-        let late = |view: &View| view.timing.misses + view.skipped_ticks;
-        let missed = late(view).saturating_sub(late(before)) as f64;
-        let share = missed / view.ticks.saturating_sub(before.ticks).max(1) as f64;
+        // Samples that were not played count as their ticks, which may have been skipped.
+        let late = |view: &View| {
+            let unplayed = view.lost_samples as f64 * self.ticks_per_sample;
+            view.timing.misses as f64 + unplayed.max(view.skipped_ticks as f64)
+        };
+        let missed = (late(view) - late(before)).max(0.0);
+        let share = (missed / view.ticks.saturating_sub(before.ticks).max(1) as f64).min(1.0);
         if share > experiment.missed {
             conduct.spoil(&format!("{:.1} % of the deadlines were missed", 100.0 * share));
         }
@@ -490,7 +530,7 @@ impl Stage {
     fn change(
         &mut self,
         experiment: &Experiment,
-        conduct: &Conduct<'_>,
+        conduct: &mut Conduct<'_>,
         view: &View,
     ) -> Result<Vec<Event>, Failure> {
         let mut events = Vec::new();
@@ -514,8 +554,12 @@ impl Stage {
         // Nothing is felt while the output rises or is muted. Silence comes at once.
         let is_silent = self.session.run_control().muted() || view.condition == Condition::Starting;
         let felt = if is_silent { Vec::new() } else { conduct.felt() };
-        let may_change = felt.is_empty() || self.stylus_mm[2] >= 0.0;
-        let felt = self.under_the_stylus(felt);
+        let is_in_air = self.stylus_mm[2] >= 0.0;
+        let trial = conduct.shown().map(|(number, _)| number);
+        // The stimulus of another trial is felt no longer, even if the stylus stays down.
+        let is_over = !is_in_air && self.now.is_some_and(|now| Some(now.trial) != trial);
+        let may_change = felt.is_empty() || is_over || is_in_air;
+        let felt = self.under_the_stylus(felt).filter(|_| !is_over);
         let playing = |(trial, felt): (usize, &Felt)| Playing {
             trial,
             place: felt.place,
@@ -523,18 +567,30 @@ impl Stage {
             level: felt.vary.as_ref().map(|(_, level)| *level),
             gain: if stimulus::file_of(&felt.kind).is_some() { self.levels.gain(trial, felt) } else { 0.0 },
         };
-        let key = conduct.shown().map(|(number, _)| number).zip(felt.as_ref()).map(playing);
-        if key == self.now || self.sent.is_some() || !may_change || !self.session.graph_controller().ready() {
+        let key = trial.zip(felt.as_ref()).map(playing);
+        if key == self.now || self.sent.is_some() || !self.session.graph_controller().ready() {
             return Ok(events);
         }
-        let gain = key.map_or(0.0, |playing| playing.gain);
-        let Loaded { graph, compiled, .. } = match &felt {
-            Some(Felt { kind, vary, .. }) if gain != 0.0 => {
-                let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-                self.loader.load(kind, vary, gain)?
+        if self.waiting.as_ref().is_none_or(|(of, _)| *of != key) {
+            let gain = key.map_or(0.0, |playing| playing.gain);
+            let loaded = match (&felt, key) {
+                (Some(Felt { kind, vary, .. }), Some(Playing { trial, place, .. })) if gain != 0.0 => {
+                    let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
+                    self.loader.load(kind, vary, gain, Some((trial, place)))?
+                }
+                _ => self.loader.quiet(experiment)?,
+            };
+            if stamps_of(self.stamps.keys()) != self.stamps {
+                conduct.spoil("a file of the stimuli has changed");
             }
-            _ => self.loader.quiet(experiment)?,
-        };
+            // The stylus moved meanwhile: the next look decides.
+            self.waiting = Some((key, loaded));
+            return Ok(events);
+        }
+        if !may_change {
+            return Ok(events);
+        }
+        let Some((_, Loaded { graph, compiled, .. })) = self.waiting.take() else { return Ok(events) };
         let controller = self.session.graph_controller();
         match controller.swap(compiled, &graph, &[], Default::default(), Vec::new()) {
             Ok(report) => self.sent = Some((report.number, key)),
@@ -573,7 +629,8 @@ impl Stage {
         let place = self.stylus_mm.map(|x| if x.is_finite() { x } else { 0.0 });
         json!({
             "position_mm": place, "speed_mm_s": speed, "force_n": force, "drive": view.peak,
-            "misses": view.timing.misses, "faults": view.faults, "muted": view.muted, "device": view.device, "problem": problem,
+            "misses": view.timing.misses, "faults": view.faults, "muted": view.muted, "device": view.device,
+            "problem": problem,
         })
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_statistics::wilson_interval;
-use asperity_study::log::{Event, Log};
+use asperity_study::log::{self, Event, Log};
 use asperity_study::{Analysis, Experiment, Session, Table};
 use rayon::prelude::*;
 use serde_json::json;
@@ -135,7 +135,7 @@ fn write(folder: &Path, experiment: &Experiment, sessions: &[Session]) -> Result
             study: experiment.title.clone(),
             participant: session.participant.clone(),
             number: session.number,
-            version: format!("simulated by {}", env!("CARGO_PKG_VERSION")),
+            version: format!("{}{}", log::SIMULATED, env!("CARGO_PKG_VERSION")),
             files: Vec::new(),
             at: String::new(),
             options: Default::default(),

@@ -28,8 +28,6 @@ const NO_PUSH: &str = "no push of the study";
 pub const GAIN: &str = "gain of the study";
 /// The probe that records the position of the stylus.
 pub const POSITION: &str = "position of the study";
-/// The probe that records the force of a hand.
-pub const FORCE: &str = "force of the study";
 /// Origin of added nodes, in errors.
 const ORIGIN: &str = "asperity study";
 /// The shipped graph that plays a clip by its node `clip`.
@@ -54,8 +52,8 @@ impl Loader {
         Self { args, masking: None, push: None, kinds: Kinds::new(&plugins.plugin) }
     }
 
-    /// As in a session with these options. `looks`: nothing is to be played. Returns also the names of stimuli
-    /// that push back with another device than the hand's: their forces are left out.
+    /// As in a session with these options. `looks`: nothing is to be played. Returns also the names of
+    /// stimuli that push back with another device than the hand's: their forces are left out.
     pub fn session(
         experiment: &Experiment,
         options: &log::Options,
@@ -101,12 +99,14 @@ impl Loader {
     }
 
     /// Loads a graph, a scene or a clip with a stimulus's settings. `vary`: the varied parameter with its
-    /// level. A gain of 0 is silence, also of forces, and not of the masking noise.
+    /// level. A gain of 0 is silence, also of forces, and not of the masking noise. `at`: the trial and place
+    /// where it is felt. In each it begins anew, with noise of its own.
     pub fn load(
         &mut self,
         kind: &StimulusKind,
         vary: Option<(&str, f64)>,
         gain: f64,
+        at: Option<(usize, usize)>,
     ) -> Result<Loaded, Failure> {
         let (path, file, set) = graph_of(kind)?;
         let args = GraphArgs { graph: path, ..self.args.clone() };
@@ -120,11 +120,16 @@ impl Loader {
             graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
         }
         let registry = self.kinds.registry(Some(&graph))?;
+        let records = |node: &&NodeDecl| registry.role(&node.kind) == Some(Role::AudioInput);
+        if let Some(node) = graph.nodes.iter().find(records) {
+            let what = format!("a stimulus cannot record, as `{}` ({}) does", node.id, node.kind);
+            return Err(file.error(what).into());
+        }
         name_hand(&mut graph, &registry, file)?;
         push_back(&mut graph, &registry, gain > 0.0, self.push.as_ref())?;
         let kept = scale(&mut graph, &registry, gain)?;
-        let tag = fnv(format!("{} {vary:?} {gain}", described(kind)).as_bytes());
-        set_apart(&mut graph, &kept, tag);
+        let tag = fnv(format!("{} {vary:?} {gain} {at:?}", described(kind)).as_bytes());
+        set_apart(&mut graph, &kept, tag, at);
         self.masking.as_ref().map_or(Ok(()), |masking| mask(&mut graph, &registry, masking))?;
         load::compile(&args, &mut self.kinds, graph, scene)
     }
@@ -136,7 +141,7 @@ impl Loader {
             Diagnostic::new(what).in_file(experiment.source.path())
         };
         let first = shown(experiment).find(|(_, kind)| file_of(kind).is_some());
-        self.load(&first.ok_or_else(nothing)?.1, None, 0.0)
+        self.load(&first.ok_or_else(nothing)?.1, None, 0.0, None)
     }
 
     /// Files that a loaded stimulus is made of.
@@ -290,14 +295,9 @@ fn name_hand(graph: &mut GraphFile, registry: &Registry, file: &Value) -> Result
         return Err(file.error(what).into());
     };
     rename(graph, at, HAND);
-    let has_force = registry.role(&graph.nodes[at].kind) == Some(Role::Hand);
-    for (probe, output) in [(POSITION, "position"), (FORCE, "force")] {
-        if output == "position" || has_force {
-            // The host reads it; no file of this name is written.
-            graph.add_node(probe, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
-            graph.add_wire(&format!("{HAND}.{output}"), probe, ORIGIN);
-        }
-    }
+    // The host reads it; no file of this name is written.
+    graph.add_node(POSITION, "probe", &[("file", "\"log.npy\"")], ORIGIN)?;
+    graph.add_wire(&format!("{HAND}.position"), POSITION, ORIGIN);
     Ok(())
 }
 
@@ -307,7 +307,7 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<BTreeS
     let outs = graph.nodes.iter().filter(|node| registry.role(&node.kind) == Some(Role::AudioOutput));
     let outs: Vec<String> = outs.map(|node| node.id.clone()).collect();
     let mut behind = BTreeSet::new();
-    for (number, out) in outs.iter().enumerate() {
+    'outs: for (number, out) in outs.iter().enumerate() {
         let mut first = out.clone();
         let wire = loop {
             let Some(at) = graph.wires.iter().position(|wire| wire.to.node == first) else {
@@ -317,6 +317,8 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<BTreeS
             let from = &graph.wires[at].from.node;
             match role(graph, from) {
                 Some(Role::ActuatorInverse | Role::Limiter) => first = from.clone(),
+                // Two outputs of one chain have one gain.
+                _ if from.starts_with(GAIN) => continue 'outs,
                 _ => break at,
             }
         };
@@ -333,13 +335,15 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<BTreeS
 
 /// Gives the nodes of a stimulus names of its own. So none goes on in another stimulus with other parameters:
 /// one is faded out whole while the other is faded in.
-fn set_apart(graph: &mut GraphFile, kept: &BTreeSet<String>, tag: u64) {
-    let shared = |id: &String| kept.contains(id) || [HAND, PUSH, POSITION, FORCE].contains(&id.as_str());
-    for at in 0..graph.nodes.len() {
-        let id = &graph.nodes[at].id;
-        if !shared(id) {
-            let name = format!("{id} ({tag:016x})");
-            rename(graph, at, &name);
+fn set_apart(graph: &mut GraphFile, kept: &BTreeSet<String>, tag: u64, at: Option<(usize, usize)>) {
+    let shared = |id: &String| kept.contains(id) || [HAND, PUSH, POSITION].contains(&id.as_str());
+    for node in 0..graph.nodes.len() {
+        let id = graph.nodes[node].id.clone();
+        if !shared(&id) {
+            rename(graph, node, &format!("{id} ({tag:016x})"));
+            // Its noise does not depend on level and gain.
+            let seeded_as = at.map_or(id.clone(), |(trial, place)| format!("{id} {trial} {place}"));
+            graph.nodes[node].seeded_as = Some(seeded_as);
         }
     }
 }
