@@ -252,6 +252,8 @@ fn tones_12_db_apart_are_matched_at_every_level() {
     let all = gains(&dir);
     near(&all[0], &[0.0, -12.041, -18.062]);
     near(&all[1], &[-6.021]);
+    let ran = dir.run("study check s.ron").ok();
+    ran.says(&["level matching takes 18 dB from the varied parameter of `oak`"]);
     // A tone of 250 Hz is felt far more easily than one of 40 Hz of the same acceleration.
     dir.write("loud.ron", tone(1.0, 250.0));
     dir.write("soft.ron", tone(1.0, 40.0));
@@ -285,6 +287,39 @@ fn levels_that_cannot_be_matched_are_refused() {
     dir.write("air.csv", harness::csv(1.0, |t| [10.0 * t, 0.0, 5.0]));
     dir.write("s.ron", tones("stroke: \"air.csv\",", &format!("{RATE} level: rms")));
     dir.run("study check s.ron").refused("the stylus touches for less than 0.2 s").says(&["air.csv"]);
+}
+
+#[test]
+fn stimulus_that_records_is_refused() {
+    let dir = Room::new();
+    let records =
+        tone(2.0, 120.0).replace("\"inverse\": (", "\"mic\": (kind: \"audio_in\"),\n\"inverse\": (");
+    dir.write("loud.ron", records);
+    dir.write("soft.ron", tone(0.5, 120.0));
+    dir.write("s.ron", tones("", RATE));
+    dir.run("study check s.ron")
+        .refused("a stimulus cannot record, as `mic` (audio_in) does")
+        .says(&["s.ron:3:"]);
+}
+
+#[test]
+fn simulated_and_copied_answers_never_join_others() {
+    let dir = Room::new();
+    dir.write("s.ron", study("", RATE));
+    dir.run("study simulate s.ron --runs 1 --out out").ok();
+    let run = "study run s.ron --participant P09 --out out --device simulated --input stroke.csv";
+    dir.write("stroke.csv", harness::csv(1.0, |t| [10.0 * t, 0.0, 5.0]));
+    dir.run(run).refused("answers of simulated people").says(&["take another folder"]);
+    assert!(!dir.join("out/P09.jsonl").exists());
+    // A session that never began has an empty log.
+    dir.write("out/P77.jsonl", "");
+    dir.run("study analyse out").ok().says(&["8 participants"]);
+    let log = std::fs::read_to_string(dir.join("out/P03.jsonl")).unwrap();
+    dir.write("out/P03 (copy).jsonl", &log);
+    dir.run("study analyse out").refused("two logs are of participant P03");
+    dir.write("out/P03 (copy).jsonl", log.replace("\"P03\"", "\"Q3\""));
+    let ran = dir.run("study analyse out").ok();
+    assert!(ran.err.contains("Q3 and P03 have the number 3"), "{}", ran.err);
 }
 
 #[test]

@@ -82,6 +82,16 @@ const LINE: [&str; 11] = [
     "stroke.csv",
 ];
 
+/// The line of a session on JACK.
+fn on_jack<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    let jack = |arg: &&'static str| match *arg {
+        "--device" => "--host",
+        arg if arg.starts_with("simulated") => "jack",
+        arg => arg,
+    };
+    LINE.iter().map(jack).chain(more.iter().copied()).collect()
+}
+
 /// A running session, and how its screens are reached.
 pub(crate) struct Running {
     pub(crate) live: Live,
@@ -301,6 +311,58 @@ fn session_of_another_study_is_refused() {
     assert_eq!(std::fs::read(dir.join("out/experiment.ron")).unwrap(), [0xff, 0xfe]);
 }
 
+/// Height of the stylus in mm, as the experimenter's screen tells it.
+fn height(running: &Running) -> f64 {
+    running.screen(1).and_then(|screen| screen["live"]["position_mm"][2].as_f64()).unwrap_or(f64::NAN)
+}
+
+#[test]
+fn trial_under_a_pressed_stylus_never_plays_the_one_before() {
+    let _lock = beside_others();
+    let dir = folder(1);
+    dir.write(
+        "study.ron",
+        "Experiment(version: 1, title: \"Pressed\", participants: 2, missed: 1.0,
+            stimuli: {\"weak\": graph(file: \"weak.ron\"), \"strong\": graph(file: \"strong.ron\")},
+            parts: [(name: \"one\", show: [\"weak\", \"strong\"], sides: left, order: fixed,
+                ask: [scale(name: \"r\", text: \"?\", from: 1, to: 5, low: \"a\", high: \"b\")])],
+        )",
+    );
+    // In the air on the left, and down from 6 s on.
+    dir.write("stroke.csv", csv(60.0, |t| [-20.0, 0.0, if t < 6.0 { 5.0 } else { -1.0 }]));
+    let running = Running::line(&dir, &LINE);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("the first stimulus", || places(&dir) == [Some(0)]);
+    until("the stylus is down", || height(&running) < 0.0);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("silence in the second trial", || places(&dir) == [Some(0), None]);
+    std::thread::sleep(Duration::from_millis(300));
+    // The second stimulus waits for the stylus to be lifted, which never happens.
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("the end", || events(&dir).last() == Some(&Event::End));
+    assert_eq!(places(&dir), [Some(0), None]);
+    drop(running);
+    dir.run("study analyse out").ok();
+    let report = std::fs::read_to_string(dir.join("out/REPORT.md")).expect("a report");
+    assert!(report.contains("In 1 of 2 answered trials, not every stimulus was played."), "{report}");
+}
+
+#[test]
+fn file_that_changes_in_a_trial_marks_it() {
+    let _lock = beside_others();
+    let dir = folder(1);
+    side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
+    let running = Running::start(&dir);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("a stimulus", || !places(&dir).is_empty());
+    dir.write("strong.ron", tone(0.04));
+    let before = places(&dir).len();
+    until("another one", || places(&dir).len() > before + 1);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    let marked = |event: &Event| matches!(event, Event::Marked { why, .. } if why.contains("has changed"));
+    assert!(events(&dir).iter().any(marked), "{:?}", events(&dir));
+}
+
 /// Two tones of other levels, which are matched, and noise on the second channel.
 const MASKED: &str = r#"Experiment(version: 1, title: "Masked", participants: 2, missed: 1.0,
     stimuli: {"weak": graph(file: "weak.ron"), "strong": graph(file: "strong.ron")},
@@ -316,13 +378,7 @@ fn masking_goes_on_over_swaps_of_matched_stimuli() {
         let dir = folder(1);
         dir.write("study.ron", MASKED);
         let ear = Ear::new(60 * 48_000);
-        let jack = |arg: &&'static str| match *arg {
-            "--device" => "--host",
-            arg if arg.starts_with("simulated") => "jack",
-            arg => arg,
-        };
-        let line: Vec<&str> = LINE.iter().map(jack).chain(["--loop"]).collect();
-        let mut running = Running::line(&dir, &line);
+        let mut running = Running::line(&dir, &on_jack(&["--loop"]));
         ear.hear(running.live.id());
         assert_eq!(running.go_on().expect("it runs").1, 204);
         ear.wait(5 * 48_000);
@@ -377,11 +433,7 @@ fn onsets_come_within_1_ms_of_the_log_and_without_a_click() {
         let dir = folder(1);
         dir.write("study.ron", ONSETS);
         let ear = Ear::new(60 * 48_000);
-        let line: Vec<&str> =
-            LINE.iter().map(|arg| if arg.starts_with("simulated") { "jack" } else { arg }).collect();
-        let line: Vec<&str> =
-            line.into_iter().map(|arg| if arg == "--device" { "--host" } else { arg }).collect();
-        let mut running = Running::line(&dir, &[&line[..], &["--loop"]].concat());
+        let mut running = Running::line(&dir, &on_jack(&["--loop"]));
         ear.hear(running.live.id());
         // From the welcome on to the trial, and 5 s of it.
         assert_eq!(running.go_on().expect("it runs").1, 204);
@@ -683,15 +735,7 @@ fn stroke_on_the_pad_is_the_hand() {
 /// A session on JACK in which the server dies while the only trial is felt.
 fn loses_its_server(dir: &Room, more: &[&str], server: &harness::servers::Process) -> Running {
     side_by_side(dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
-    let line: Vec<&str> = LINE
-        .iter()
-        .map(|arg| match *arg {
-            "--device" => "--host",
-            arg if arg.starts_with("simulated") => "jack",
-            arg => arg,
-        })
-        .collect();
-    let mut running = Running::line(dir, &[&line[..], &["--loop"], more].concat());
+    let mut running = Running::line(dir, &on_jack(&[&["--loop"], more].concat()));
     assert_eq!(running.go_on().expect("it runs").1, 204);
     until("a stimulus", || !places(dir).is_empty());
     server.kill();

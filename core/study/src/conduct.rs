@@ -791,6 +791,40 @@ mod tests {
     }
 
     #[test]
+    fn every_trial_of_a_part_with_samples_waits() {
+        let part = "show: [(\"x\", \"z\"), (\"x\", \"y\")], sides: fixed, order: fixed, repeats: 2,
+            ask: [which(name: \"w\", text: \"Which?\")]";
+        let study = crate::testing::experiment("", part);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mut random = Random::new(1);
+        let mut waits = Vec::new();
+        while !conduct.is_over() {
+            let desk = conduct.experimenter();
+            if desk["state"] == "wait" {
+                waits.push(desk["mount"].as_array().map_or(0, Vec::len));
+            }
+            go_on(&mut conduct, &mut random, 0.0);
+        }
+        // Also where the sample is to be taken away: else *wait* would tell the condition.
+        assert_eq!(waits, [0, 1, 0, 1]);
+    }
+
+    #[test]
+    fn pause_is_no_part_of_a_trials_time() {
+        let part = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"Which?\")]";
+        let study = crate::testing::experiment("", part);
+        let mut conduct = Conduct::new(&study, 1, &[], 1).unwrap();
+        let mut random = Random::new(1);
+        go_on(&mut conduct, &mut random, 1.0);
+        assert_eq!(conduct.press(Press::Pause, 3.0), Ok(vec![Event::Paused { paused: true }]));
+        assert_eq!(conduct.press(Press::Pause, 4.0), Ok(vec![]));
+        assert_eq!(conduct.press(Press::Resume, 8.0), Ok(vec![Event::Paused { paused: false }]));
+        let events = go_on(&mut conduct, &mut random, 10.0);
+        let Event::Answered { seconds, .. } = events[0] else { panic!("{events:?}") };
+        assert_eq!(seconds, 4.0);
+    }
+
+    #[test]
     fn sample_of_the_reference_is_taken_away_first() {
         let part = "show: [(\"x\", \"z\")], reference: \"y\", sides: fixed,
             ask: [which(name: \"w\", text: \"Which?\")]";

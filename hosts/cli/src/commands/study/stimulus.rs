@@ -381,3 +381,23 @@ fn mask(graph: &mut GraphFile, registry: &Registry, masking: &Masking) -> Result
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use asperity_diagnostics::Source;
+
+    use super::*;
+    use crate::kinds::built_in;
+
+    #[test]
+    fn two_outputs_of_one_limiter_have_one_gain() {
+        let text = r#"Graph(version: 1,
+            nodes: {"tone": (kind: "sine"), "limiter": (kind: "limiter"), "a": (kind: "audio_out"),
+                "b": (kind: "audio_out")},
+            wires: [("tone", "limiter"), ("limiter", "a"), ("limiter", "b")])"#;
+        let mut graph = GraphFile::parse(&Source::new("test.ron", text)).expect("a graph");
+        let behind = scale(&mut graph, &built_in(), 0.5).expect("it has outputs");
+        assert_eq!(behind.into_iter().collect::<Vec<_>>(), ["a", "b", "limiter"]);
+        assert_eq!(graph.nodes.iter().filter(|node| node.kind == "gain").count(), 1);
+    }
+}
