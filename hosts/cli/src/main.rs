@@ -10,14 +10,11 @@ mod card;
 mod commands;
 mod failure;
 mod heap;
-mod kinds;
-mod lag;
 mod leave;
 mod load;
 mod machine;
 mod number;
 mod output;
-mod phase;
 mod shipped;
 mod simulated;
 
@@ -25,10 +22,12 @@ use std::process::ExitCode;
 
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_dsp::Isa;
+use asperity_offline::host::{self, Host};
+use asperity_offline::{kinds, lag, phase};
 use clap::{FromArgMatches as _, Parser};
 
 use commands::Command;
-use failure::Failure;
+use failure::{Failure, report};
 
 /// Render touch: a stylus moves, a model predicts the vibration, an actuator plays it
 #[derive(Debug, Parser)]
@@ -55,6 +54,7 @@ pub(crate) struct Cli {
 const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ASPERITY_BUILD"), ")");
 
 fn main() -> ExitCode {
+    host::set(Host { warn: failure::warn, ask: commands::trust::ask, survives: commands::plugin::survives });
     simulated::register();
     let cli = Cli::from_arg_matches(&commands::command().get_matches()).unwrap_or_else(|e| e.exit());
     let _staying = leave::on_purpose_only();
@@ -64,9 +64,9 @@ fn main() -> ExitCode {
         output::overwrite();
     }
     if let Err(failure) = instructions(cli.portable) {
-        return failure.report();
+        return report(&failure);
     }
-    cli.command.run().map_or_else(|failure| failure.report(), |()| ExitCode::SUCCESS)
+    cli.command.run().map_or_else(|failure| report(&failure), |()| ExitCode::SUCCESS)
 }
 
 /// Environment variable that names the best instruction set to use.

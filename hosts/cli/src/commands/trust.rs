@@ -8,8 +8,9 @@ use std::io::{BufRead, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::Diagnostic;
+use asperity_offline::trust::{folders, list};
 
-use crate::failure::{Failure, clean, print, wrong};
+use crate::failure::{Failure, clean, print, report, wrong};
 use crate::output;
 
 /// Let graphs load plugins from a folder, or list such folders
@@ -30,9 +31,6 @@ pub struct Args {
     pub remove: bool,
 }
 
-/// More trusted folders, separated as in `PATH`: for machines without a user.
-const VARIABLE: &str = "ASPERITY_TRUST";
-
 pub fn run(args: &Args) -> Result<(), Failure> {
     print(&match &args.folder {
         Some(folder) if args.remove => {
@@ -43,15 +41,6 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         None if folders().is_empty() => "no folder is trusted\n".to_owned(),
         None => lines(&folders()),
     })
-}
-
-/// Whether a file lies in or below a trusted folder; links are followed.
-pub fn is_trusted(file: &Path) -> bool {
-    let Ok(file) = file.canonicalize() else { return false };
-    let more = std::env::var_os(VARIABLE).unwrap_or_default();
-    let more = std::env::split_paths(&more).filter(|folder| !folder.as_os_str().is_empty());
-    let all = folders().into_iter().chain(more);
-    all.filter_map(|folder| folder.canonicalize().ok()).any(|folder| file.starts_with(folder))
 }
 
 /// Asks the user at the terminal, if there is one, whether to trust the folder of a file. Remembers a yes.
@@ -70,7 +59,7 @@ pub fn ask(graph: &Path, file: &Path) -> bool {
     if !answered || !["y", "yes"].contains(&line.trim().to_lowercase().as_str()) {
         return false;
     }
-    add(folder).map_err(|failure| failure.report()).is_ok()
+    add(folder).map_err(|failure| report(&failure)).is_ok()
 }
 
 fn add(folder: &Path) -> Result<PathBuf, Failure> {
@@ -107,16 +96,6 @@ fn remove(folder: &Path) -> Result<(), Failure> {
         return Err(wrong(folder, what, "see `asperity trust`"));
     }
     write(&left)
-}
-
-/// The user's list: a folder a line.
-fn list() -> Option<PathBuf> {
-    Some(dirs::config_dir()?.join("asperity").join("trusted"))
-}
-
-fn folders() -> Vec<PathBuf> {
-    let text = list().and_then(|list| std::fs::read_to_string(list).ok()).unwrap_or_default();
-    text.lines().filter(|line| !line.is_empty()).map(PathBuf::from).collect()
 }
 
 fn lines(folders: &[PathBuf]) -> String {

@@ -1,22 +1,21 @@
-//! From arguments to a schedule: reads a graph, or lowers a scene to one, and compiles it.
+//! Arguments that name a graph and its changes. [`asperity_offline::load`] makes a schedule of them.
 //!
 //! [`load`] does all of it. A command that changes the graph in between calls [`read`] and [`compile`].
 
 pub mod files;
-mod stylus;
 
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
-use asperity_diagnostics::{Diagnostic, Source, file};
-use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
+use asperity_diagnostics::Diagnostic;
+use asperity_graph::GraphFile;
 use asperity_motion::ColumnMap;
-use asperity_node::{Registry, Role, Shape};
-use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
+use asperity_node::{Registry, Role};
+use asperity_offline::load::{self, Request, stylus};
 
-use crate::failure::{Failure, clean, warn, wrong};
-use crate::kinds::{self, Kinds};
-use crate::output::{ending, is_standard};
+use crate::failure::Failure;
+use crate::kinds::Kinds;
+
+pub use asperity_offline::load::{Loaded, OfScene, inverse_of, ticks, warn_about, warnings, without_force};
 
 /// A graph and changes to it.
 #[derive(Clone, Debug, Default, clap::Args)]
@@ -49,6 +48,19 @@ pub struct GraphArgs {
 }
 
 impl GraphArgs {
+    pub fn request(&self) -> Request {
+        Request {
+            graph: self.graph.clone(),
+            set: self.set.clone(),
+            input: self.input.clone(),
+            repeat: self.repeat,
+            map: self.columns.map.clone(),
+            hand: self.hand.clone(),
+            no_prune: self.no_prune,
+            strict: self.strict,
+        }
+    }
+
     pub fn plain(graph: &Path, plugins: &PluginArgs) -> Self {
         Self { graph: graph.to_owned(), plugins: plugins.clone(), ..Self::default() }
     }
@@ -86,88 +98,13 @@ pub struct PluginArgs {
     pub plugin: Vec<PathBuf>,
 }
 
-pub struct Loaded {
-    /// The graph, with the changes of the command line.
-    pub graph: GraphFile,
-    pub scene: Option<OfScene>,
-    pub registry: Registry,
-    pub compiled: Compiled,
-}
-
-/// A scene, and the nodes of its graph that render each kind of effect.
-#[derive(Clone, Debug)]
-pub struct OfScene {
-    pub scene: Scene,
-    pub rendered: Vec<Rendered>,
-    /// Files that its effects name, once for each surface.
-    pub files: Vec<PathBuf>,
-}
-
-/// Most findings about a scene that cause a warning each.
-const MOST_FINDINGS: usize = 8;
-
 pub fn load(args: &GraphArgs, kinds: &mut Kinds) -> Result<Loaded, Failure> {
-    let (graph, scene) = read(args, kinds)?;
-    compile(args, kinds, graph, scene)
+    load::load(&args.request(), kinds)
 }
 
 /// Reads a graph, or lowers a scene to one, and applies the arguments to it.
 pub fn read(args: &GraphArgs, kinds: &mut Kinds) -> Result<(GraphFile, Option<OfScene>), Failure> {
-    let source = source_of(args)?;
-    if !Scene::is_meant(&source) {
-        return Ok((changed(GraphFile::parse(&source)?, args)?, None));
-    }
-    let mut scene = Scene::parse(&source)?;
-    // The scene is lowered with the rates that the command line sets.
-    let mut rates = draft(&scene)?;
-    for assignment in args.set.iter().filter(|set| !set.split('=').next().unwrap_or("").contains('.')) {
-        rates.set(assignment, "--set")?;
-    }
-    (scene.tick_hz, scene.audio_hz, scene.seed) = (rates.tick_hz, rates.audio_hz, rates.seed);
-    let registry = kinds.registry(Some(&draft(&scene)?))?;
-    scene.check(&registry)?;
-    check_passivity(&scene, &registry, args.strict)?;
-    let lowered = lower(&scene, &registry, Lowering { prune: !args.no_prune })?;
-    let graph = changed(lowered.graph, args)?;
-    // A stroke from a file feels nothing.
-    if graph.nodes.iter().any(|node| registry.role(&node.kind) == Some(Role::Hand)) {
-        scene.unfelt(&registry).iter().for_each(warn_of);
-    }
-    let files = scene.files(&registry);
-    Ok((graph, Some(OfScene { scene, rendered: lowered.rendered, files })))
-}
-
-/// Reads the graph or scene, and the standard input where the arguments name it.
-fn source_of(args: &GraphArgs) -> Result<Arc<Source>, Failure> {
-    let stdin = [Some(&args.graph), args.input.as_ref()].into_iter().flatten().filter(|p| is_standard(p));
-    match stdin.count() {
-        0 => {}
-        1 => file::take_stdin()?,
-        _ => {
-            let what = "the graph and --input cannot both be the standard input";
-            return Err(wrong("-", what, "give one of the two as a file"));
-        }
-    }
-    let source = Source::read(&args.graph)?;
-    if is_table(&source) {
-        let path = args.graph.display();
-        return Err(wrong(
-            &args.graph,
-            "this is a CSV; did you mean `--input`?",
-            format!(
-                "to play it as a stroke: asperity render graphs/texture.ron --input {path} --out out.wav"
-            ),
-        ));
-    }
-    Ok(source)
-}
-
-/// Whether a text is a CSV table, not a graph or scene.
-fn is_table(source: &Source) -> bool {
-    let names_columns = |line: &str| {
-        line.split([',', ';', '\t', ' ']).any(|name| name.trim_matches(['#', ' ', '"']) == "t_s")
-    };
-    ending(source.path()) == "csv" || source.text().lines().next().is_some_and(names_columns)
+    load::read(&args.request(), kinds)
 }
 
 pub fn compile(
@@ -176,27 +113,7 @@ pub fn compile(
     graph: GraphFile,
     scene: Option<OfScene>,
 ) -> Result<Loaded, Failure> {
-    let registry = kinds.registry(Some(&graph))?;
-    let options = Options { prune: !args.no_prune };
-    let compiled = asperity_graph::compile(&graph, &registry, options).map_err(Failure::from);
-    let compiled = kinds.judge(compiled)?;
-    Ok(Loaded { graph, scene, registry, compiled })
-}
-
-/// Longest time to run that may be asked for \[s\]: a year.
-const MAX_SECONDS: f64 = 365.0 * 86_400.0;
-
-/// Ticks to run: those of `--seconds`, else those of the graph's sources; `None` if nothing says how many.
-pub fn ticks(seconds: Option<f64>, schedule: &Schedule) -> Result<Option<u64>, Diagnostic> {
-    match seconds {
-        Some(s) if s > 0.0 && s <= MAX_SECONDS => {
-            Ok(Some((s * f64::from(schedule.tick_hz)).round().max(1.0) as u64))
-        }
-        Some(s) => Err(Diagnostic::new(format!("{s} s is out of range"))
-            .in_file("--seconds")
-            .help(format!("above 0, at most {MAX_SECONDS} s"))),
-        None => Ok(schedule.duration_ticks().filter(|&t| t > 0)),
-    }
+    load::compile(&args.request(), kinds, graph, scene)
 }
 
 pub struct Offline {
@@ -216,112 +133,4 @@ pub fn offline(path: &Path, plugins: &PluginArgs) -> Result<Offline, Failure> {
     let registry = kinds.registry(Some(&whole))?;
     let graph = without_force(&whole, &registry);
     Ok(Offline { graph, whole, registry, plugins: kinds.files().to_vec() })
-}
-
-/// A graph without the nodes that push back.
-pub fn without_force(graph: &GraphFile, registry: &Registry) -> GraphFile {
-    let mut graph = graph.clone();
-    graph.nodes.retain(|n| registry.role(&n.kind) != Some(Role::Force));
-    let ids: std::collections::HashSet<String> = graph.nodes.iter().map(|n| n.id.clone()).collect();
-    graph.wires.retain(|w| ids.contains(&w.to.node));
-    graph
-}
-
-/// Warns of passivity violations of a scene, or makes them errors.
-fn check_passivity(scene: &Scene, registry: &Registry, strict: bool) -> Result<(), Failure> {
-    let findings = scene.findings(registry);
-    if strict && !findings.is_empty() {
-        let error = |f: Finding| Diagnostic::new(f.message).at(&f.place.source, f.place.span);
-        return Err(findings.into_iter().map(error).collect::<Vec<_>>().into());
-    }
-    findings.iter().take(MOST_FINDINGS).for_each(warn_of);
-    if let Some(more) = findings.len().checked_sub(MOST_FINDINGS).filter(|more| *more > 0) {
-        warn(&format!("and {more} more like these; --strict lists all"));
-    }
-    Ok(())
-}
-
-fn warn_of(Finding { message, place }: &Finding) {
-    let (path, at) = (place.source.path().display().to_string(), place.position());
-    warn(&format!("{}:{}:{}: {}", clean(&path), at.line, at.column, clean(message)));
-}
-
-fn changed(mut graph: GraphFile, args: &GraphArgs) -> Result<GraphFile, Failure> {
-    if let Some(input) = &args.input {
-        stylus::play(&mut graph, &kinds::built_in(), input)?;
-    }
-    if let Some(hand) = &args.hand {
-        stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;
-    }
-    if args.repeat {
-        stylus::repeat(&mut graph, &kinds::built_in())?;
-    }
-    if !args.columns.map.is_empty() {
-        args.columns.parsed()?;
-        stylus::map(&mut graph, &kinds::built_in(), &args.columns.map)?;
-    }
-    for assignment in &args.set {
-        graph.set(assignment, "--set")?;
-    }
-    Ok(graph)
-}
-
-/// Warns of settings that compile and are probably mistakes, and of nodes that are not fit for real time.
-pub fn warn_about(schedule: &Schedule) {
-    warnings(schedule).iter().for_each(|w| warn(w));
-    for id in schedule.allocating() {
-        warn(&format!("`{id}` allocates in every tick and is not fit for real time"));
-    }
-}
-
-pub fn warnings(schedule: &Schedule) -> Vec<String> {
-    let mut out = Vec::new();
-    for node in &schedule.nodes {
-        if let Some(ignored) = node.facts.iter().find(|fact| fact.name == "ignored_columns") {
-            out.push(format!("`{}` ignores these columns of its file: {}", node.id, ignored.value));
-        }
-        let emission = node.params.get_number("emission");
-        let frames = node.inputs.first().and_then(frames_a_window);
-        // Measured with the shipped model: right up to 0.57 of a window, 1.16 times as loud at 0.67,
-        // 2 times at 0.8, 9 times at 0.95.
-        if let (Some(emission), Some(frames)) = (emission, frames)
-            && -emission > 0.6 * frames
-        {
-            out.push(format!(
-                "`{}` emits samples that lie {:.0} % into a window of {frames:.0} frames, \
-                 where they are inaccurate and too loud. \
-                 Set `emission` to -{:.0} or nearer to 0, or leave it out",
-                node.id,
-                -100.0 * emission / frames,
-                0.5 * frames
-            ));
-        }
-        if let Some(inverse) = inverse_of(node, schedule) {
-            for name in ["profile", "handle_mass_g"] {
-                if inverse.params.get(name) != node.params.get(name) {
-                    let (a, b) = (&inverse.id, &node.id);
-                    out.push(format!("`{a}` and `{b}` are set to different actuators: `{name}` differs"));
-                }
-            }
-        }
-    }
-    out
-}
-
-/// The actuator's inverse that drives a limiter.
-pub fn inverse_of<'a>(limiter: &ScheduledNode, schedule: &'a Schedule) -> Option<&'a ScheduledNode> {
-    let before = |node: &ScheduledNode| Some(&schedule.nodes[node.inputs.first()?.from?.0]);
-    let first = before(limiter).filter(|_| limiter.role == Some(Role::Limiter));
-    let mut chain = std::iter::successors(first, |node| before(node)).take(schedule.nodes.len());
-    chain.find(|node| node.role == Some(Role::ActuatorInverse))
-}
-
-fn frames_a_window(input: &ScheduledInput) -> Option<f64> {
-    match input.port.as_ref()?.shape {
-        Shape::Magnitude(layout) => {
-            let seconds = f64::from(layout.length) / f64::from(layout.rate_hz);
-            Some(seconds * layout.frame_rate.hz())
-        }
-        _ => None,
-    }
 }

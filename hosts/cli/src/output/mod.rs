@@ -15,6 +15,7 @@ use tempfile::{NamedTempFile, TempPath};
 
 use crate::failure::{self, Failure, clean, warn, without_path, wrong};
 
+pub use asperity_offline::load::{ending, is_standard};
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
 
@@ -214,11 +215,6 @@ pub fn permit(file: &Path, node: &str) -> Result<(), Diagnostic> {
     Ok(())
 }
 
-/// Whether a path of the command line is the standard input or output.
-pub fn is_standard(path: &Path) -> bool {
-    path == Path::new("-")
-}
-
 /// A path that is the same for all names of a file, also of one that does not exist yet.
 pub fn resolved(path: &Path) -> PathBuf {
     let mut path = path.to_owned();
@@ -271,11 +267,6 @@ pub fn ends_in_ron(path: &Path, what: &str) -> Result<(), Failure> {
     }
     let found = format!("{} would not be found as a {what}", clean(&path.display().to_string()));
     Err(wrong("--out", found, format!("a {what}'s name ends in .ron")))
-}
-
-/// The extension of a file's name, in lower case.
-pub fn ending(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
 /// Ending of a file of samples, which chooses its format; WAV on the standard output.

@@ -2,23 +2,18 @@
 //!
 //! [`contest`] runs all methods over the [`vectors`]; [`report`] shows its rows.
 
-mod contest;
-mod report;
-#[cfg(test)]
-mod tests;
-mod vectors;
-
 use std::path::PathBuf;
 
 use asperity_node::Registry;
+use asperity_offline::compare::contest::{self, Outcome, Row};
+use asperity_offline::compare::report;
+use asperity_offline::compare::vectors::{self, Set};
 
-use crate::failure::{Failure, print_report, wrong};
+use crate::failure::{Failure, print_report, progress, wrong};
 use crate::kinds::Kinds;
 use crate::load::PluginArgs;
 use crate::output::{Pending, apart, keep_all, named, resolved};
 use crate::phase::{Chain, Method, retrievers};
-use contest::{Outcome, Row};
-use vectors::Set;
 
 /// Compare all phase-retrieval nodes: accuracy, response lag, latency, cost
 #[derive(Debug, clap::Args)]
@@ -81,7 +76,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         pending.push((Pending::create(path)?, text));
     }
 
-    let outcome = contest::run(&registry, &methods, &set, args.quiet)?;
+    let steps = contest::steps(&methods, &set);
+    let bar = progress(steps, "comparing {wide_bar} {percent:>3} %  {eta} left", args.quiet);
+    let outcome = contest::run(&registry, &methods, &set, || {
+        bar.inc(1);
+        Ok(())
+    })?;
+    bar.finish_and_clear();
     let published = contest::published(&set);
     let fill = |(file, text): (Pending, Text)| file.fill(&text(&set, &outcome, &published));
     let written = keep_all(pending.into_iter().map(fill).collect::<Result<_, _>>()?)?;

@@ -8,15 +8,16 @@ mod watch;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use asperity_accuracy::timing::Recorder as Times;
 use asperity_diagnostics::{Diagnostic, one_of};
-use asperity_engine::{Clock, Engine, Options};
+use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, GraphFile, Schedule};
 use asperity_live::OutputLimits;
-use asperity_node::{Buffer, Role, Shape, time};
+use asperity_node::{Role, Shape, time};
+use asperity_offline::render::{Level, Run, channels};
 use indicatif::ProgressBar;
+use serde_json::{Value, json};
 
 use crate::failure::{Failure, be_quiet, print, progress, wrong};
 use crate::kinds::Kinds;
@@ -28,8 +29,9 @@ use crate::number;
 use crate::output::{Format, Pending, Rows, audio_ending, ending, keep_all, named};
 use plot::Traces;
 use recorder::{Master, Recorder};
-use report::{Level, Run};
 use watch::{Extras, Watch};
+
+pub use asperity_offline::render::Timed;
 
 /// Render a graph or scene to a WAV file, as fast as possible
 #[derive(Clone, Debug, clap::Args)]
@@ -73,16 +75,23 @@ pub struct Args {
     pub quiet: bool,
 }
 
-/// Ticks that one call may take with `--watch`: a busy machine stalls for a few now and then.
-const WATCH_LIMIT_TICKS: u64 = 10;
-
-pub struct ClockTime(pub Instant);
-
-impl Clock for ClockTime {
-    fn now_ns(&self) -> u64 {
-        self.0.elapsed().as_nanos() as u64
+impl Args {
+    /// Those that the report has beside those of the graph.
+    fn options(&self) -> Value {
+        json!({
+            "seconds": self.seconds,
+            "probes": self.probe,
+            "no_sleep": self.no_sleep,
+            "limit_us": self.limit_us,
+            "watch": self.watch,
+            "no_prune": self.graph.no_prune,
+            "format": format!("{:?}", self.format).to_lowercase(),
+        })
     }
 }
+
+/// Ticks that one call may take with `--watch`: a busy machine stalls for a few now and then.
+const WATCH_LIMIT_TICKS: u64 = 10;
 
 pub fn run(args: &Args) -> Result<(), Failure> {
     be_quiet(args.quiet);
@@ -147,8 +156,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         true => Lag::of(&graph, &registry, engine.schedule()),
         false => Lag::new(Err("see `asperity latency`".into()), engine.schedule()),
     };
+    let request = args.graph.request();
     let run = Run {
-        args,
+        request: &request,
+        options: args.options(),
         ticks: done,
         asked: ticks,
         elapsed_s,
@@ -163,11 +174,11 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         files.push(file.fill(&traces.svg(&args.graph.graph, engine.schedule()))?);
     }
     if let Some(file) = report_file {
-        files.push(file.fill(&run.json())?);
+        files.push(file.fill(&format!("{:#}\n", run.json()))?);
     }
     let written = keep_all(files)?;
     if !args.quiet {
-        print(&run.summary(&written))?;
+        print(&report::summary(&run, &written))?;
     }
     if done < ticks { Err(Failure::Said(INTERRUPTED)) } else { Ok(()) }
 }
@@ -216,7 +227,7 @@ fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
 fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Failure> {
     let samples = |rate_hz: u32| time::first_sample(ticks, rate_hz, schedule.tick_hz);
     if let Some(path) = args.out.as_ref().filter(|p| audio_ending(p) == "wav") {
-        let channels = Master::channels(schedule).len() as u64;
+        let channels = channels(schedule).len() as u64;
         Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
     }
     for (_, node) in schedule.with_role(Role::Recorder) {
@@ -233,58 +244,6 @@ fn show_rate(bar: &ProgressBar, done: u64, schedule: &Schedule, elapsed_s: f64) 
     bar.set_position(done);
     let seconds = done as f64 / f64::from(schedule.tick_hz);
     bar.set_message(format!("{seconds:.1} s, {:.0} x real time", seconds / elapsed_s.max(1e-9)));
-}
-
-/// Samples of an audio buffer in this tick.
-fn samples(buffer: Option<&Buffer>) -> &[f32] {
-    match buffer {
-        Some(Buffer::Audio { samples, len, .. }) => &samples[..*len],
-        _ => &[],
-    }
-}
-
-/// Times of an engine's ticks, and of the calls of its nodes.
-pub struct Timed {
-    pub times: Times,
-    clock: ClockTime,
-    schedule: Arc<Schedule>,
-    /// Time of each node in this tick \[ns\].
-    spent: Vec<u64>,
-    /// Calls of each node before this tick.
-    calls: Vec<u64>,
-}
-
-impl Timed {
-    pub fn new(engine: &Engine) -> Self {
-        let (schedule, clock) = (engine.schedule().clone(), ClockTime(Instant::now()));
-        let nodes = schedule.nodes.len();
-        Self { times: Times::new(nodes), clock, schedule, spent: vec![0; nodes], calls: vec![0; nodes] }
-    }
-
-    /// Runs a tick and answers its time \[ns\].
-    pub fn tick(&mut self, engine: &mut Engine) -> u64 {
-        self.spent.fill(0);
-        let before = self.clock.now_ns();
-        engine.tick_timed(&self.clock, &mut self.spent);
-        let took = self.clock.now_ns() - before;
-        self.times.tick(took);
-        if !Arc::ptr_eq(&self.schedule, engine.schedule()) {
-            // The nodes' times of this tick are left out: their numbers are new, and the table is old.
-            let next = engine.schedule().clone();
-            let from: Vec<_> = next.nodes.iter().map(|n| self.schedule.index_of(&n.id)).collect();
-            self.times.renumber(&from);
-            (self.spent, self.calls) = (vec![0; from.len()], vec![u64::MAX; from.len()]);
-            self.schedule = next;
-        }
-        for (i, ns) in self.spent.iter().enumerate() {
-            let calls = engine.report(i).map_or(0, |r| r.calls);
-            if calls > self.calls[i] {
-                self.times.node(i, *ns);
-            }
-            self.calls[i] = calls;
-        }
-        took
-    }
 }
 
 /// Files, figures and traces that grow while a render runs.
@@ -309,7 +268,7 @@ impl Capture {
             traces: args.plot.as_ref().map(|_| Traces::new(schedule, scene)),
             level: Level::new(schedule),
             sent: None,
-            output_limits: args.watch.then(|| OutputLimits::new(compiled, Master::channels(schedule))),
+            output_limits: args.watch.then(|| OutputLimits::new(compiled, channels(schedule))),
         })
     }
 

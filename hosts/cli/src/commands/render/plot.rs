@@ -5,10 +5,10 @@ use std::path::Path;
 use asperity_engine::Engine;
 use asperity_graph::Schedule;
 use asperity_node::{Buffer, ParamValue, Role, Shape, Unit};
+use asperity_offline::render::samples;
 use asperity_plot::{Moment, Render, SceneMap, Seen, Series};
 use asperity_scene::Rendered;
 
-use super::samples;
 use crate::load::OfScene;
 
 /// Longest part of a render that is drawn \[s\]: 4 MB of audio a signal.

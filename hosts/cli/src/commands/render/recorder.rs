@@ -6,17 +6,16 @@ use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::OutputLimits;
-use asperity_node::{Buffer, ParamValue, Role, Shape, time};
+use asperity_node::{ParamValue, Role, Shape};
+use asperity_offline::probe::Probe;
+use asperity_offline::render::{channels, interleaved};
 
-use super::samples;
 use crate::failure::{Failure, wrong};
 use crate::output::{self, Format, Pending, Rows, audio_ending, ending, salvage};
 
 pub struct Recorder {
     rows: Rows,
-    node: usize,
-    columns: usize,
-    shape: Shape,
+    probe: Probe,
     /// Number of the next row; `None` before the first one of a sink that begins late.
     next: Option<u64>,
     /// Rows of ticks that were left out.
@@ -95,17 +94,18 @@ impl Recorder {
     }
 
     fn new(path: &Path, open: Open, node: usize, shape: Shape, unit: &str) -> Result<Self, Failure> {
-        let (columns, names): (usize, Vec<String>) = match shape {
-            Shape::Control { count: 1 } | Shape::Audio { .. } => (1, vec![unit.to_owned()]),
-            Shape::Control { count } => (count, (0..count).map(|i| format!("{i} [{unit}]")).collect()),
+        let probe = Probe { node, shape };
+        let columns = probe.columns();
+        let names: Vec<String> = match shape {
+            Shape::Control { count: 1 } | Shape::Audio { .. } => vec![unit.to_owned()],
+            Shape::Control { count } => (0..count).map(|i| format!("{i} [{unit}]")).collect(),
             Shape::Magnitude(l) => {
-                let hz = |k: u32| format!("{} Hz [{unit}]", f64::from(k) * l.bin_hz());
-                (l.bins as usize, (0..l.bins).map(hz).collect())
+                (0..l.bins).map(|k| format!("{} Hz [{unit}]", f64::from(k) * l.bin_hz())).collect()
             }
             Shape::Spectrum(l) => {
                 let part =
                     |k: u32| ["re", "im"].map(|p| format!("{p} {} Hz [{unit}]", f64::from(k) * l.bin_hz()));
-                (2 * l.bins as usize, (0..l.bins).flat_map(part).collect())
+                (0..l.bins).flat_map(part).collect()
             }
         };
         let rows = match (ending(path).as_str(), shape) {
@@ -116,49 +116,30 @@ impl Recorder {
         };
         let most = if ending(path) == "wav" { MOST_WAV } else { u64::MAX };
         let (next, stopped, complaint) = (Some(0), false, None);
-        Ok(Self { rows, node, columns, shape, next, missing: 0, rows_written: 0, most, stopped, complaint })
+        Ok(Self { rows, probe, next, missing: 0, rows_written: 0, most, stopped, complaint })
     }
 
     pub fn take(&mut self, engine: &Engine, tick: u64) -> Result<(), Failure> {
-        // A probe has no output.
-        let buffer = engine.output(self.node, 0).or_else(|| engine.input(self.node, 0));
-        let tick_hz = engine.schedule().tick_hz;
-        let (start, values) = match (buffer, self.shape) {
-            (Some(Buffer::Control { values, .. }), _) => (tick, values.iter().map(|x| *x as f32).collect()),
-            (Some(Buffer::Audio { samples, len, .. }), Shape::Audio { rate_hz }) => {
-                (time::first_sample(tick, rate_hz, tick_hz), samples[..*len].to_vec())
-            }
-            (Some(Buffer::Magnitude { bins, frame: Some((_, start)), .. }), Shape::Magnitude(_)) => {
-                (*start, bins.to_vec())
-            }
-            (Some(Buffer::Spectrum { bins, frame: Some((_, start)), .. }), Shape::Spectrum(_)) => {
-                (*start, bins.iter().flat_map(|z| [z.re, z.im]).collect())
-            }
-            _ => return Ok(()),
-        };
-        self.append(start, &values, tick_hz)
+        let Some((start, values)) = self.probe.take(engine, tick) else { return Ok(()) };
+        self.append(start, &values, engine.schedule().tick_hz)
     }
 
     /// Writes values from `start` on: a tick for controls, a sample of the signal for audio and frames.
     pub fn append(&mut self, start: u64, values: &[f32], tick_hz: u32) -> Result<(), Failure> {
-        let rate_hz = match self.shape {
-            Shape::Control { .. } => tick_hz,
-            Shape::Audio { rate_hz } => rate_hz,
-            Shape::Magnitude(l) | Shape::Spectrum(l) => l.rate_hz,
-        };
-        let even = matches!(self.shape, Shape::Control { .. } | Shape::Audio { .. });
+        let (rate_hz, columns) = (self.probe.rate_hz(tick_hz), self.probe.columns());
+        let even = matches!(self.probe.shape, Shape::Control { .. } | Shape::Audio { .. });
         // A row of a CSV file has its time. In other files, rows that were left out are counted.
         if even && ending(self.rows.path()) != "csv" {
             self.missing += start.saturating_sub(self.next.unwrap_or(start));
         }
-        let rows = (values.len() / self.columns.max(1)) as u64;
+        let rows = (values.len() / columns.max(1)) as u64;
         self.next = Some(start + rows);
         if self.rows_written + rows > self.most {
             let full =
                 format!("{} is full: a WAV file holds 4 GiB, a .npy file more", self.rows.path().display());
             return Err(Failure::Machine(full));
         }
-        self.rows.append(values, self.columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))?;
+        self.rows.append(values, columns, |i| (start + i as u64) as f64 / f64::from(rate_hz))?;
         self.rows_written += rows;
         Ok(())
     }
@@ -219,7 +200,7 @@ impl Recorder {
     }
 
     pub fn follow(&mut self, moved: impl Fn(usize) -> usize) {
-        self.node = moved(self.node);
+        self.probe.node = moved(self.probe.node);
     }
 
     pub fn finish(self) -> Result<Pending, Failure> {
@@ -235,7 +216,7 @@ pub struct Master {
 
 impl Master {
     pub fn new(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
-        let nodes = Self::channels(schedule);
+        let nodes = channels(schedule);
         if nodes.is_empty() {
             return Err(wrong(
                 path,
@@ -251,18 +232,10 @@ impl Master {
         Ok(Self { rows, nodes })
     }
 
-    pub fn channels(schedule: &Schedule) -> Vec<usize> {
-        schedule.with_role(Role::AudioOutput).map(|(i, _)| i).collect()
-    }
-
     /// Records the tick that has just run, limited like the output.
     pub fn take(&mut self, engine: &Engine, output_limits: Option<&mut OutputLimits>) -> Result<(), Failure> {
         let channels = self.nodes.len();
-        let all = self.nodes.iter().map(|&node| samples(engine.output(node, 0)));
-        let all: Vec<&[f32]> = all.collect();
-        let len = all.iter().map(|samples| samples.len()).max().unwrap_or(0);
-        let row = |i| all.iter().map(move |samples: &&[f32]| samples.get(i).copied().unwrap_or(0.0));
-        let mut rows: Vec<f32> = (0..len).flat_map(row).collect();
+        let mut rows = interleaved(engine, &self.nodes);
         if let Some(output_limits) = output_limits {
             output_limits.hold(&mut rows, channels);
         }

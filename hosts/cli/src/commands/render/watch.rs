@@ -6,10 +6,10 @@ use asperity_engine::{Controller, SwapError};
 use asperity_graph::{Schedule, ScheduledNode};
 use asperity_live::OutputLimits;
 use asperity_node::Role;
+use asperity_offline::render::{Swapped, channels};
 use indicatif::ProgressBar;
 
-use super::recorder::{Master, file_of};
-use super::report::Swapped;
+use super::recorder::file_of;
 use super::{Args, load_with_probes};
 use crate::failure::{Failure, complain};
 use crate::kinds::Kinds;
@@ -116,7 +116,7 @@ impl<'a> Watch<'a> {
 
 /// Ids of the nodes that are channels of the file.
 fn outs_of(schedule: &Schedule) -> Vec<String> {
-    Master::channels(schedule).into_iter().map(|i| schedule.nodes[i].id.clone()).collect()
+    channels(schedule).into_iter().map(|i| schedule.nodes[i].id.clone()).collect()
 }
 
 /// Refuses a change of the written files while the render runs.

@@ -15,6 +15,9 @@ pub fn hand_name(kind: &str) -> &str {
 }
 
 /// Plays a recorded stroke in place of the graph's own: `--input TRAJ.csv`.
+///
+/// # Errors
+/// A graph without exactly one node that moves the stylus, or whose node does not fit.
 pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(), Failure> {
     let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
     replace(graph, registry, i, "trajectory");
@@ -25,6 +28,9 @@ pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(
 }
 
 /// Repeats the recorded stroke: `--loop`.
+///
+/// # Errors
+/// A graph without exactly one node that moves the stylus, or whose node does not fit.
 pub fn repeat(graph: &mut GraphFile, registry: &Registry) -> Result<(), Failure> {
     let i = only(graph, registry, "--loop", "name the one you mean: --set NODE.loop=true")?;
     let (id, kind) = (&graph.nodes[i].id, &graph.nodes[i].kind);
@@ -39,6 +45,9 @@ pub fn repeat(graph: &mut GraphFile, registry: &Registry) -> Result<(), Failure>
 }
 
 /// Names the columns of the stroke that is played: `--map force_n=Fz:N`.
+///
+/// # Errors
+/// A graph without exactly one node that moves the stylus, or whose node does not fit.
 pub fn map(graph: &mut GraphFile, registry: &Registry, map: &[String]) -> Result<(), Failure> {
     let i = only(graph, registry, "--map", "name the one you mean: --set 'NODE.map=[\"force_n=Fz:N\"]'")?;
     if graph.nodes[i].kind != "trajectory" {
@@ -51,6 +60,9 @@ pub fn map(graph: &mut GraphFile, registry: &Registry, map: &[String]) -> Result
 }
 
 /// Lets a hand move the stylus: `--hand KIND[:param=value,...]`, where KIND may lack its `_input`.
+///
+/// # Errors
+/// A graph without exactly one node that moves the stylus, or whose node does not fit.
 pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> Result<(), Failure> {
     let (name, settings) = text.split_once(':').unwrap_or((text, ""));
     let mut hands = registry.with_role(Role::Hand);

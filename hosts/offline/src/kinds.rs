@@ -2,24 +2,27 @@
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use asperity_diagnostics::{Diagnostic, Place};
 use asperity_graph::{GraphFile, PluginDecl};
 use asperity_live::apart;
 use asperity_live::realtime::PRIORITY;
 use asperity_loader::{Found, Loader, PATH_VARIABLE, Plugin, find, search};
-use asperity_node::Registry;
+use asperity_node::{NodeKind, Registry};
 
-use crate::commands::plugin::survives;
-use crate::commands::trust::{ask, is_trusted};
-use crate::failure::{Failure, warn};
+use crate::failure::Failure;
+use crate::host::{host, warn};
 use crate::phase::OFFLINE;
+use crate::trust::is_trusted;
 
 /// Makes registries. Kept while a graph is watched: a plugin is loaded again only when its file changed.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub struct Kinds {
     loader: Loader,
     named: Vec<PathBuf>,
+    /// Kinds of the host. They replace built-in ones.
+    own: Vec<Arc<NodeKind>>,
     files: Vec<PathBuf>,
     plays: bool,
     /// Whether nodes of plugins run on threads of their own.
@@ -32,22 +35,40 @@ pub struct Kinds {
     asked: HashSet<PathBuf>,
 }
 
+impl std::fmt::Debug for Kinds {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Kinds").field("files", &self.files).finish_non_exhaustive()
+    }
+}
+
 impl Kinds {
+    /// Kinds with those of the plugins that the user names.
     pub fn new(named: &[PathBuf]) -> Self {
         Self { named: named.to_vec(), ..Self::default() }
     }
 
+    /// Adds kinds of the host.
+    #[must_use]
+    pub fn with(self, own: Vec<Arc<NodeKind>>) -> Self {
+        Self { own, ..self }
+    }
+
     /// Runs nodes of plugins on threads of their own: a call that never returns does not stop the graph.
+    #[must_use]
     pub fn apart(self, apart: bool) -> Self {
         Self { apart, ..self }
     }
 
     /// For a graph that is only inspected: untrusted plugins are left out, and `judge` reports them.
+    #[must_use]
     pub fn looking(self) -> Self {
         Self { looks: true, ..self }
     }
 
     /// Adds the plugins that were left out to the result of an inspection.
+    ///
+    /// # Errors
+    /// Those of the inspection, and a plugin that was left out.
     pub fn judge<T>(&self, found: Result<T, Failure>) -> Result<T, Failure> {
         match found {
             _ if self.left_out.is_empty() => found,
@@ -57,6 +78,7 @@ impl Kinds {
         }
     }
 
+    /// Files of the plugins that the last registry has, or would have.
     pub fn files(&self) -> &[PathBuf] {
         &self.files
     }
@@ -67,8 +89,13 @@ impl Kinds {
     }
 
     /// All kinds that a graph may use. A bad plugin on the plugin path is left out with a warning.
+    ///
+    /// # Errors
+    /// A plugin that the graph or the user names, and that does not load or is not trusted.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
-        let mut merged = Merged { registry: built_in(), from: HashMap::new(), apart: self.apart };
+        let mut registry = built_in();
+        self.own.iter().for_each(|kind| drop(registry.add(kind.clone())));
+        let mut merged = Merged { registry, from: HashMap::new(), apart: self.apart };
         self.files.clear();
         self.left_out.clear();
         for decl in graph.map_or(&[][..], |g| &g.plugins) {
@@ -116,26 +143,34 @@ impl Kinds {
         }
         // Nobody is asked while a graph plays, or twice. Loading reports a file that does not exist.
         let folder = whole.parent().unwrap_or(Path::new("")).to_owned();
-        !whole.exists() || (!self.plays && self.asked.insert(folder) && ask(place.source.path(), &whole))
+        !whole.exists()
+            || (!self.plays && self.asked.insert(folder) && (host().ask)(place.source.path(), &whole))
     }
 
     /// Loads a plugin. While a graph plays, its code is tried in another process first.
     fn load(&mut self, path: &Path) -> Result<Plugin, Diagnostic> {
         let plays = self.plays;
-        self.loader.load_tried(path, |copy| if plays { survives(path, copy.path()) } else { Ok(()) })
+        self.loader.load_tried(path, |copy| if plays { (host().survives)(path, copy.path()) } else { Ok(()) })
     }
 }
 
+/// The built-in kinds, with those of hand devices.
 pub fn built_in() -> Registry {
     asperity_hand::register(asperity_nodes::registry()).with_shipped_files(crate::shipped::file)
 }
 
 /// The kinds that exist without a graph.
+///
+/// # Errors
+/// See [`Kinds::registry`].
 pub fn registry(plugins: &[PathBuf]) -> Result<Registry, Failure> {
     Kinds::new(plugins).registry(None)
 }
 
 /// File of the plugin that `--plugin` names.
+///
+/// # Errors
+/// There is none.
 pub fn named_plugin(name: &Path) -> Result<PathBuf, Diagnostic> {
     let list = std::env::var_os(PATH_VARIABLE);
     find(&name.to_string_lossy(), Path::new(""), list).map_err(|e| e.in_file("--plugin"))

@@ -33,6 +33,9 @@ pub struct Lag {
 }
 
 /// Writes the numbers with the line.
+///
+/// # Errors
+/// Those of the serializer.
 pub fn with_line<S: Serializer>(lag: &Lag, to: S) -> Result<S::Ok, S::Error> {
     json(lag).serialize(to)
 }
@@ -94,7 +97,10 @@ impl fmt::Display for Lag {
     }
 }
 
-/// Response lag \[ms\] of a prepared chain: 10, 50 and 90 % of a step of speed. Error: why it has none.
+/// Response lag \[ms\] of a prepared chain: 10, 50 and 90 % of a step of speed.
+///
+/// # Errors
+/// Why it has none.
 pub fn measure(chain: &mut Chain) -> Result<[f64; 3], String> {
     if chain.output().is_none() {
         return Err("nothing here is an acceleration, a current or a voltage at the audio rate".to_owned());

@@ -13,7 +13,8 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::failure::{Failure, warn, wrong};
+use crate::failure::{Failure, wrong};
+use crate::host::warn;
 use crate::phase::{FRAME_HZ, Frames, check_rate};
 use crate::shipped::{self, FILES};
 
@@ -27,26 +28,34 @@ const BINS: usize = 101;
 const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
                      Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
 
+/// Magnitudes that methods turn into a signal.
 pub struct Vector {
     /// Name, with the rate at its end if the file has it.
     pub name: String,
+    /// Sample rate \[Hz\].
     pub rate_hz: u32,
+    /// Its frames.
     pub frames: Arc<Frames>,
     /// The same as unscaled DFT magnitudes, for the scores.
     pub unscaled: Vec<f32>,
 }
 
+/// Vectors, and the scores that others published for them.
 pub struct Set {
     /// Origin, in words.
     pub from: String,
     /// At least one.
     pub vectors: Vec<Vector>,
     smoothest: usize,
+    /// Scores of others.
     pub published: Published,
 }
 
 impl Vector {
     /// A vector of unscaled magnitudes, `bins` a frame.
+    ///
+    /// # Errors
+    /// A rate or a shape that does not fit, too few frames, magnitudes that are all 0.
     pub fn new(name: &str, rate_hz: u32, magnitudes: Vec<f32>, bins: usize) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
         let (frames, bad) = Frames::from_unscaled(magnitudes, bins, rate_hz)?;
@@ -68,6 +77,9 @@ impl Vector {
     }
 
     /// A vector of the magnitudes of a signal.
+    ///
+    /// # Errors
+    /// See [`new`](Self::new); samples that are not finite.
     pub fn of_signal(name: &str, rate_hz: u32, signal: &[f64]) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
         if signal.iter().any(|x| !x.is_finite()) {
@@ -81,6 +93,7 @@ impl Vector {
         Self::new(name, rate_hz, magnitudes.into_iter().map(|x| x as f32).collect(), bins)
     }
 
+    /// Name without the rate.
     pub fn short_name(&self) -> &str {
         self.name.strip_suffix(&format!("_{}", self.rate_hz)).unwrap_or(&self.name)
     }
@@ -109,11 +122,15 @@ impl Set {
         Self { from, vectors, smoothest, published }
     }
 
+    /// The vector that is smoothest over frequency.
     pub fn smoothest(&self) -> &Vector {
         &self.vectors[self.smoothest]
     }
 
     /// The mean spectrum of the smoothest vector, held still: a texture at constant speed and force.
+    ///
+    /// # Errors
+    /// See [`Vector::new`].
     pub fn steady(&self) -> Result<Vector, Diagnostic> {
         let vector = self.smoothest();
         let bins = vector.frames.layout().bins as usize;
@@ -135,6 +152,9 @@ impl Set {
 /// The built-in vectors, all at 2500 Hz, with their published scores: `sine_off` between two bins, `two25`
 /// sines 25 Hz apart, a `chirp`, a `texture` of three resonances, `contact` that switches it, decaying
 /// `taps`, and `nnsmooth`: mean magnitudes of the texture, which no signal has.
+///
+/// # Errors
+/// See [`read`].
 pub fn built_in() -> Result<Set, Failure> {
     let all = FILES.get_dir("phase").map(shipped::files).unwrap_or_default();
     let files = all.into_iter().map(|file| (file.path().to_owned(), file.contents().into()));
@@ -142,6 +162,9 @@ pub fn built_in() -> Result<Set, Failure> {
 }
 
 /// Reads every vector of a folder, and `sc.json` if it exists.
+///
+/// # Errors
+/// A folder without vectors, and each vector that cannot be read.
 pub fn read(dir: &Path) -> Result<Set, Failure> {
     let fail = |e: std::io::Error| Diagnostic::new(format!("cannot read this folder: {e}")).in_file(dir);
     let mut files = Files::new();
@@ -210,12 +233,16 @@ fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector
 /// Agreement of one signal with one vector.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Score {
+    /// Spectral convergence \[dB\]; less is better.
     #[serde(rename(deserialize = "SC_dB"))]
     pub convergence_db: f64,
+    /// Level error \[dB\]; 0 is best.
     #[serde(rename(deserialize = "gain_dB"))]
     pub level_db: f64,
+    /// Root mean square error of the long-term spectrum \[dB\]; 0 is best.
     #[serde(rename(deserialize = "LTAS_rms_dB"))]
     pub ltas_rms_db: f64,
+    /// Failures of the node.
     #[serde(default)]
     pub faults: u64,
 }
@@ -227,6 +254,7 @@ impl Score {
     }
 }
 
+/// Scores that others published.
 #[derive(Default, Deserialize)]
 pub struct Published {
     /// Scores by the name of the vector, then of the method.
@@ -249,6 +277,7 @@ pub struct Reference {
     year: Option<u16>,
     /// In place of the above: why there is no publication.
     note: String,
+    /// Names of its methods.
     pub methods: Vec<String>,
 }
 

@@ -24,7 +24,7 @@ fn set() -> Set {
 fn outcome(labels: &[&str]) -> Outcome {
     let registry = registry();
     let methods: Vec<Method> = labels.iter().map(|l| Method::parse(l, &registry).unwrap()).collect();
-    run(&registry, &methods, &set(), true).unwrap()
+    run(&registry, &methods, &set(), || Ok(())).unwrap()
 }
 
 fn row<'a>(rows: &'a [Row], label: &str) -> &'a Row {

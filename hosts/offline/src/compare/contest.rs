@@ -1,4 +1,4 @@
-//! Every method on every vector: scores, response lag and time.
+//! Runs every method on every vector: scores, response lag and time.
 //!
 //! Methods take turns on each vector: disturbances by other programs fall on all of them alike.
 
@@ -18,9 +18,9 @@ use serde::{Serialize, Serializer};
 use serde_json::{Value, json};
 
 use super::vectors::{Score, Set, Vector};
-use crate::commands::render::ClockTime;
-use crate::failure::{Failure, progress};
+use crate::failure::Failure;
 use crate::phase::{Chain, FRAME_HZ, Frames, Method, Played};
+use crate::render::ClockTime;
 
 /// How often everything is run for its time.
 const ROUNDS: usize = 3;
@@ -48,13 +48,16 @@ pub struct Row {
     /// Rhythm of the output for [steady magnitudes](Set::steady); `None` for published methods and silence.
     #[serde(serialize_with = "serialize_rhythm")]
     pub rhythm: Option<Rhythm>,
+    /// Problems, in words.
     pub notes: Vec<String>,
 }
 
 /// A reference and its number.
 #[derive(Clone, Debug, Serialize)]
 pub struct Cited {
+    /// From 1.
     pub number: usize,
+    /// Authors, title and year.
     pub text: String,
 }
 
@@ -62,6 +65,7 @@ fn serialize_rhythm<S: Serializer>(rhythm: &Option<Rhythm>, to: S) -> Result<S::
     rhythm_json(*rhythm).serialize(to)
 }
 
+/// A rhythm's figures, for a report.
 pub fn rhythm_json(rhythm: Option<Rhythm>) -> Option<Value> {
     let r = rhythm?;
     Some(json!({
@@ -88,11 +92,13 @@ impl Row {
         }
     }
 
+    /// Score on a vector, if it has one.
     pub fn score(&self, vector: &Vector) -> Option<Score> {
         self.scores.get(&vector.name).copied().flatten()
     }
 }
 
+/// Measured rows, and the rhythm to compare theirs with.
 #[derive(Debug)]
 pub struct Outcome {
     /// A row for each method, the best first.
@@ -101,17 +107,24 @@ pub struct Outcome {
     pub noise: Option<Rhythm>,
 }
 
-pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> Result<Outcome, Failure> {
+/// Runs all methods over a set. Calls `step` after each of [`steps`].
+///
+/// # Errors
+/// A set that cannot be held still, and the error of a step, which ends the run.
+pub fn run(
+    registry: &Registry,
+    methods: &[Method],
+    set: &Set,
+    mut step: impl FnMut() -> Result<(), Failure>,
+) -> Result<Outcome, Failure> {
     let stimuli = [("texture", Stimulus::texture()?), ("tone", Stimulus::tone()?)];
     let steady = set.steady()?;
-    let steps = methods.len() * (set.vectors.len() + 1);
-    let bar = progress(steps as u64, "comparing {wide_bar} {percent:>3} %  {eta} left", quiet);
     let mut entries: Vec<Entry<'_>> = methods.iter().map(|m| Entry::new(m, registry, set)).collect();
     let clock = ClockTime(Instant::now());
     for vector in &set.vectors {
         for entry in &mut entries {
             entry.play(&clock, vector);
-            bar.inc(1);
+            step()?;
         }
     }
     for entry in &mut entries {
@@ -119,9 +132,8 @@ pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> R
         for (name, stimulus) in &stimuli {
             entry.follow(name, stimulus);
         }
-        bar.inc(1);
+        step()?;
     }
-    bar.finish_and_clear();
     let mut rows: Vec<Row> = entries.into_iter().map(Entry::into_row).collect();
     sort(&mut rows);
     // Gaussian noise of the same length as the steady magnitudes, whose bins are 10 Hz apart.
@@ -129,6 +141,11 @@ pub fn run(registry: &Registry, methods: &[Method], set: &Set, quiet: bool) -> R
     let powers: Vec<f64> = frame.iter().map(|x| f64::from(*x).powi(2)).collect();
     let seconds = inner(&steady).len() as f64 / f64::from(steady.rate_hz);
     Ok(Outcome { rows, noise: Rhythm::of_noise(&powers, 10.0, seconds).ok() })
+}
+
+/// Number of steps of a run.
+pub fn steps(methods: &[Method], set: &Set) -> u64 {
+    methods.len() as u64 * (set.vectors.len() as u64 + 1)
 }
 
 /// Samples without those of the frames at each end, which no score counts.
@@ -329,14 +346,19 @@ pub struct Stimulus {
     steps: Vec<usize>,
 }
 
+/// Answer of a method to steps.
 pub struct Lag {
     /// Times until 10, 50 and 90 % of the way; `None` if the method did not follow.
     pub ms: Option<[f64; 3]>,
+    /// Whether the same frames gave other samples the second time.
     pub differs: bool,
 }
 
 impl Stimulus {
     /// A broad noise: magnitudes that fall slowly from 400 Hz on and end at 950 Hz, with 120 steps.
+    ///
+    /// # Errors
+    /// Frames without a layout.
     pub fn texture() -> Result<Self, Diagnostic> {
         let magnitude = |hz: f32| {
             let end = ((950.0 - hz) / 76.0).clamp(0.0, 1.0);
@@ -347,6 +369,9 @@ impl Stimulus {
     }
 
     /// A sine of 250 Hz, on a bin, with 10 steps.
+    ///
+    /// # Errors
+    /// Frames without a layout.
     pub fn tone() -> Result<Self, Diagnostic> {
         let mut spectrum = [0.0; 101];
         spectrum[24..27].copy_from_slice(&[0.5, 1.0, 0.5]);
@@ -370,6 +395,10 @@ impl Stimulus {
         Ok(Self { stepped, still, steps })
     }
 
+    /// Measures the response lag of a method.
+    ///
+    /// # Errors
+    /// A method that is no node, or whose latency is too long.
     pub fn drive(&self, registry: &Registry, method: &Method) -> Result<Lag, Failure> {
         let hear = |frames| {
             let mut chain = Chain::new(registry, method, frames, SEED)?;

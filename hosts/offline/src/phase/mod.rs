@@ -1,4 +1,4 @@
-//! Phase retrieval outside a graph file, for `invert` and `compare`: frames in, a signal out.
+//! Phase retrieval outside a graph file: frames in, a signal out.
 //!
 //! A [`Method`] is a node with settings, or an offline method. A [`Chain`] is the graph of a source that
 //! plays [`Frames`], the node, and an `overlap_add` if the node puts out spectra.
@@ -42,6 +42,7 @@ pub fn retrievers(registry: &Registry) -> Vec<&Descriptor> {
 /// A way to retrieve phase, with its settings.
 #[derive(Clone, Debug)]
 pub struct Method {
+    /// The text that names it.
     pub label: String,
     /// Kind of the node, or name of the offline method.
     pub kind: String,
@@ -55,16 +56,23 @@ enum How {
     Offline(griffin_lim::Options, Option<u64>),
 }
 
+/// Signal of a method.
 pub struct Played {
     /// Sample i is sample i of the frames.
     pub signal: Vec<f32>,
+    /// Declared latency of a node \[ms\].
     pub latency_ms: Option<f64>,
+    /// Failures of a node.
     pub faults: u64,
+    /// The engine's report of a node.
     pub report: Option<NodeReport>,
 }
 
 impl Method {
     /// Parses `KIND:param=value,...`; KIND may be an offline method, or `default` of the shipped graph.
+    ///
+    /// # Errors
+    /// An unknown kind, settings that do not fit.
     pub fn parse(text: &str, registry: &Registry) -> Result<Self, Failure> {
         let (kind, settings) = text.split_once(':').unwrap_or((text, ""));
         let settings = settings.split(',').map(str::trim).filter(|s| !s.is_empty());
@@ -95,11 +103,15 @@ impl Method {
         Ok(Self { label: text.to_owned(), kind: node.kind.clone(), how: How::Node(Box::new(node)) })
     }
 
+    /// Whether it needs all frames at once.
     pub fn is_offline(&self) -> bool {
         matches!(self.how, How::Offline(..))
     }
 
     /// The output for these frames. Calls `took` with each frame's time of node and `overlap_add` \[ns\].
+    ///
+    /// # Errors
+    /// A node that does not prepare or does not answer with samples at the frames' rate.
     pub fn play<C: Clock>(
         &self,
         registry: &Registry,
@@ -174,6 +186,10 @@ pub struct Chain {
 }
 
 impl Chain {
+    /// Prepares a chain.
+    ///
+    /// # Errors
+    /// See [`Method::play`].
     pub fn new(
         registry: &Registry,
         method: &Method,

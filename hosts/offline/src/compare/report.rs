@@ -152,6 +152,7 @@ fn table(heads: &[[String; 2]], groups: &[(&str, &[Row])], cells: impl Fn(&Row) 
     lines.iter().map(line).filter(|line| line != "\n").collect()
 }
 
+/// The result as JSON.
 pub fn json(set: &Set, outcome: &Outcome, published: &[Row]) -> Value {
     let vector = |v: &Vector| {
         let layout = v.frames.layout();

@@ -19,6 +19,9 @@ pub struct Frames {
 }
 
 /// Refuses a rate, called `what`, at which 0.1 s is not a whole number of samples.
+///
+/// # Errors
+/// Such a rate.
 pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
     if RATES.contains(&rate_hz) && rate_hz.is_multiple_of(10) {
         return Ok(());
@@ -31,6 +34,9 @@ pub fn check_rate(what: &str, rate_hz: u32) -> Result<(), Diagnostic> {
 
 impl Frames {
     /// Frames of unscaled Hann-windowed DFTs of 0.1 s. Bad values become 0; answers their number.
+    ///
+    /// # Errors
+    /// Values that are no whole frames.
     pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
         let length = rate_hz / 10;
         let most = length as usize / 2 + 1;
@@ -54,18 +60,24 @@ impl Frames {
     }
 
     /// Frames of amplitudes; a whole number, at least one.
+    ///
+    /// # Errors
+    /// A rate without a layout.
     pub fn from_amplitudes(bins: Vec<f32>, bins_a_frame: usize, rate_hz: u32) -> Result<Self, Diagnostic> {
         Ok(Self { layout: layout(bins_a_frame, rate_hz)?, bins })
     }
 
+    /// Their layout.
     pub fn layout(&self) -> FrameLayout {
         self.layout
     }
 
+    /// Number of frames.
     pub fn count(&self) -> usize {
         self.bins.len() / self.layout.bins as usize
     }
 
+    /// First sample of a frame.
     pub fn start(&self, frame: u64) -> u64 {
         time::first_sample(frame, self.layout.rate_hz, FRAME_HZ)
     }
@@ -75,6 +87,7 @@ impl Frames {
         self.start((self.count() as u64).saturating_sub(1)) + u64::from(self.layout.length)
     }
 
+    /// Their amplitudes, frame by frame \[m/s^2\].
     pub fn amplitudes(&self) -> &[f32] {
         &self.bins
     }

@@ -1,0 +1,53 @@
+//! The values of a port, tick by tick.
+
+use asperity_engine::Engine;
+use asperity_node::{Buffer, Shape, time};
+
+/// A port of a node: its first output, or its first input if it has none, as probes do.
+#[derive(Clone, Copy, Debug)]
+pub struct Probe {
+    /// Index of the node.
+    pub node: usize,
+    /// Shape of the port.
+    pub shape: Shape,
+}
+
+impl Probe {
+    /// Values in a row: a control's count, 1 for audio, bins of a frame; a complex bin has two.
+    pub fn columns(&self) -> usize {
+        match self.shape {
+            Shape::Control { count } => count,
+            Shape::Audio { .. } => 1,
+            Shape::Magnitude(l) => l.bins as usize,
+            Shape::Spectrum(l) => 2 * l.bins as usize,
+        }
+    }
+
+    /// Rate of the numbers that [`take`](Self::take) answers \[Hz\].
+    pub fn rate_hz(&self, tick_hz: u32) -> u32 {
+        match self.shape {
+            Shape::Control { .. } => tick_hz,
+            Shape::Audio { rate_hz } => rate_hz,
+            Shape::Magnitude(l) | Shape::Spectrum(l) => l.rate_hz,
+        }
+    }
+
+    /// Values of a tick that has run, and the number of the first: a tick for controls, a sample of the signal
+    /// for audio and frames. `None` in a tick without a frame.
+    pub fn take(&self, engine: &Engine, tick: u64) -> Option<(u64, Vec<f32>)> {
+        let buffer = engine.output(self.node, 0).or_else(|| engine.input(self.node, 0));
+        Some(match (buffer?, self.shape) {
+            (Buffer::Control { values, .. }, _) => (tick, values.iter().map(|x| *x as f32).collect()),
+            (Buffer::Audio { samples, len, .. }, Shape::Audio { rate_hz }) => {
+                (time::first_sample(tick, rate_hz, engine.schedule().tick_hz), samples[..*len].to_vec())
+            }
+            (Buffer::Magnitude { bins, frame: Some((_, start)), .. }, Shape::Magnitude(_)) => {
+                (*start, bins.to_vec())
+            }
+            (Buffer::Spectrum { bins, frame: Some((_, start)), .. }, Shape::Spectrum(_)) => {
+                (*start, bins.iter().flat_map(|z| [z.re, z.im]).collect())
+            }
+            _ => return None,
+        })
+    }
+}
