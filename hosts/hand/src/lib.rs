@@ -22,6 +22,7 @@ use asperity_node::{Diagnostic, Params, Registry};
 
 pub use arm::ArmOptions;
 pub use handle::Handle;
+pub use node::{HOST_INPUT, host_input};
 
 /// Opens a device that was configured. Without the reader of force models its motors stay off.
 pub type Open = Box<dyn FnOnce(SampleWriter, Option<ForceReader>) -> Result<Handle, Diagnostic> + Send>;

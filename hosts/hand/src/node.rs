@@ -7,7 +7,7 @@
 
 use asperity_live::place;
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
+    Descriptor, Diagnostic, Input, Node, NodeKind, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
     Status, Tick, Unit,
 };
 
@@ -56,6 +56,17 @@ impl Processor for PassOn {
 
     fn reset(&mut self) {}
 }
+
+/// A hand that the host moves itself, tick by tick: position, force, and a count of strokes. No graph file
+/// names it; a host puts it in the place of a stroke.
+pub fn host_input() -> NodeKind {
+    let it = Descriptor::new(HOST_INPUT, "Takes the position and force that the host gives.");
+    let it = hand(it, (Unit::NEWTON, "force with which the hand presses"));
+    NodeKind::new(it, |_| Ok(Prepared::new(PassOn(1.0))))
+}
+
+/// Kind of [`host_input`].
+pub const HOST_INPUT: &str = "host_input";
 
 /// A pointer on a surface. Its pressure sets the depth of the stylus below the place that it is fed, and the
 /// force.

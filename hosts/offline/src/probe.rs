@@ -1,7 +1,32 @@
 //! The values of a port, tick by tick.
 
+use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_engine::Engine;
+use asperity_graph::GraphFile;
 use asperity_node::{Buffer, Shape, time};
+
+/// Adds a node that records a port, such as `texture.magnitude`, and answers its id. `origin` stands for the
+/// file in errors.
+///
+/// # Errors
+/// A node that the graph does not have, and parameters that do not fit.
+pub fn add(
+    graph: &mut GraphFile,
+    port: &str,
+    params: &[(&str, &str)],
+    origin: &str,
+) -> Result<String, Diagnostic> {
+    let node = port.split('.').next().unwrap_or(port);
+    if graph.node(node).is_none() {
+        let ids = graph.nodes.iter().map(|n| n.id.as_str());
+        let what = format!("the graph has no node `{node}`");
+        return Err(Diagnostic::new(what).in_file(origin).help(one_of(node, ids)));
+    }
+    let id = (1..).map(|n| format!("probe {n}")).find(|id| graph.node(id).is_none()).unwrap_or_default();
+    graph.add_node(&id, "probe", params, origin)?;
+    graph.add_wire(port, &id, origin);
+    Ok(id)
+}
 
 /// A port of a node: its first output, or its first input if it has none, as probes do.
 #[derive(Clone, Copy, Debug)]

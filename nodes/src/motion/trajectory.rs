@@ -1,8 +1,11 @@
 //! `trajectory`: a recorded stroke.
 
+use std::sync::Arc;
+
 use crate::prelude::*;
 use asperity_diagnostics::Source;
-use asperity_motion::{self, AxisMap, ColumnMap, Cursor, Interpolation, TrajectoryOptions};
+use asperity_motion::{AxisMap, ColumnMap, Cursor, Interpolation, TrajectoryOptions};
+use asperity_node::NodeKind;
 
 use super::microseconds;
 
@@ -49,6 +52,20 @@ impl Node for Trajectory {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
+        if setup.params.get("file").is_some() {
+            return Self::of(&Source::read(setup.params.file("file"))?, setup);
+        }
+        Self::of(&Source::new("trajectories/zigzag.csv (shipped)", SHIPPED), setup)
+    }
+}
+
+impl Trajectory {
+    /// The same kind, whose nodes play a stroke that the host has: the text of a CSV file.
+    pub fn playing(stroke: Arc<Source>) -> NodeKind {
+        NodeKind::new(Self::descriptor(), move |setup| Self::of(&stroke, setup))
+    }
+
+    fn of(stroke: &Arc<Source>, setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         let p = setup.params;
         let axes = AxisMap::parse(p.text("axes")).map_err(|e| error_at(p, "axes", e))?;
         let linear = p.text("interpolation") == "linear";
@@ -56,12 +73,7 @@ impl Node for Trajectory {
         let interpolation = if linear { Interpolation::Linear } else { Interpolation::Cubic };
         let columns = ColumnMap::parse(p.texts("map")).map_err(|e| error_at(p, "map", e))?;
         let options = TrajectoryOptions { columns, axes, max_gap_s, interpolation };
-        let trajectory = if p.get("file").is_some() {
-            asperity_motion::Trajectory::read(p.file("file"), &options)?
-        } else {
-            let shipped = Source::new("trajectories/zigzag.csv (shipped)", SHIPPED);
-            asperity_motion::Trajectory::parse(&shipped, &options)?
-        };
+        let trajectory = asperity_motion::Trajectory::parse(stroke, &options)?;
         let recorded =
             [("force", trajectory.has_force(), "force_n"), ("speed", trajectory.has_speed(), "speed_mm_s")];
         for (output, (name, there, column)) in recorded.iter().enumerate() {

@@ -53,6 +53,7 @@ impl GraphArgs {
             graph: self.graph.clone(),
             set: self.set.clone(),
             input: self.input.clone(),
+            stroke: None,
             repeat: self.repeat,
             map: self.columns.map.clone(),
             hand: self.hand.clone(),

@@ -11,6 +11,7 @@ use asperity_diagnostics::{Diagnostic, Source, file};
 use asperity_graph::{Compiled, GraphFile, Options, Schedule, ScheduledInput, ScheduledNode};
 use asperity_motion::ColumnMap;
 use asperity_node::{Registry, Role, Shape};
+use asperity_nodes::motion::Trajectory;
 use asperity_scene::{Finding, Lowering, Rendered, Scene, draft, lower};
 
 use crate::failure::{Failure, clean, wrong};
@@ -26,6 +27,8 @@ pub struct Request {
     pub set: Vec<String>,
     /// A recorded stroke in place of the graph's own; `-` is the standard input.
     pub input: Option<PathBuf>,
+    /// The same in memory: the text of a CSV file.
+    pub stroke: Option<Arc<Source>>,
     /// Whether the recorded stroke begins again at its end.
     pub repeat: bool,
     /// Columns of the stroke, such as `force_n=Fz:N`.
@@ -167,7 +170,10 @@ pub fn compile(
     graph: GraphFile,
     scene: Option<OfScene>,
 ) -> Result<Loaded, Failure> {
-    let registry = kinds.registry(Some(&graph))?;
+    let mut registry = kinds.registry(Some(&graph))?;
+    if let Some(stroke) = &request.stroke {
+        registry.add(Arc::new(Trajectory::playing(stroke.clone())));
+    }
     let options = Options { prune: !request.no_prune };
     let compiled = asperity_graph::compile(&graph, &registry, options).map_err(Failure::from);
     let compiled = kinds.judge(compiled)?;
@@ -223,7 +229,9 @@ fn warn_of(Finding { message, place }: &Finding) {
 
 fn changed(mut graph: GraphFile, request: &Request) -> Result<GraphFile, Failure> {
     if let Some(input) = &request.input {
-        stylus::play(&mut graph, &kinds::built_in(), input)?;
+        stylus::play(&mut graph, &kinds::built_in(), Some(input))?;
+    } else if request.stroke.is_some() {
+        stylus::play(&mut graph, &kinds::built_in(), None)?;
     }
     if let Some(hand) = &request.hand {
         stylus::take_in_hand(&mut graph, &kinds::built_in(), hand)?;

@@ -14,16 +14,18 @@ pub fn hand_name(kind: &str) -> &str {
     kind.strip_suffix("_input").unwrap_or(kind)
 }
 
-/// Plays a recorded stroke in place of the graph's own: `--input TRAJ.csv`.
+/// Plays a recorded stroke in place of the graph's own: `--input TRAJ.csv`; without a file, one in memory.
 ///
 /// # Errors
 /// A graph without exactly one node that moves the stylus, or whose node does not fit.
-pub fn play(graph: &mut GraphFile, registry: &Registry, file: &Path) -> Result<(), Failure> {
+pub fn play(graph: &mut GraphFile, registry: &Registry, file: Option<&Path>) -> Result<(), Failure> {
     let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
     replace(graph, registry, i, "trajectory");
     // They belong to the stroke before.
-    graph.nodes[i].params.retain(|setting| !matches!(setting.name.as_str(), "map" | "loop"));
-    graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
+    graph.nodes[i].params.retain(|setting| !matches!(setting.name.as_str(), "map" | "loop" | "file"));
+    if let Some(file) = file {
+        graph.set(&format!("{}.file={}", graph.nodes[i].id, file.display()), "--input")?;
+    }
     Ok(())
 }
 
@@ -173,7 +175,7 @@ mod tests {
         let set: Vec<&str> = it.nodes[0].params.iter().map(|s| s.name.as_str()).collect();
         assert_eq!(set, ["depth_mm", "lift_mm"]);
         assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f", "s.stroke -> v.stroke"]);
-        play(&mut it, &built_in(), Path::new("a.csv")).expect("it fits");
+        play(&mut it, &built_in(), Some(Path::new("a.csv"))).expect("it fits");
         assert_eq!(it.nodes[0].kind, "trajectory");
         assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f"]);
         assert_eq!(it.nodes[0].params.len(), 1);

@@ -12,6 +12,15 @@ pub const FRAME_HZ: u32 = 500;
 /// Accepted sample rates \[Hz\].
 const RATES: std::ops::RangeInclusive<u32> = 100..=192_000;
 
+/// Scale of magnitudes that come from elsewhere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scale {
+    /// Those of an unscaled DFT: |sum w x|.
+    Dft,
+    /// Amplitudes, as in a graph: 2 |sum w x| / sum w.
+    Amplitude,
+}
+
 /// At least one frame of magnitudes, as amplitudes, and their layout.
 pub struct Frames {
     layout: FrameLayout,
@@ -37,7 +46,20 @@ impl Frames {
     ///
     /// # Errors
     /// Values that are no whole frames.
-    pub fn from_unscaled(mut values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
+    pub fn from_unscaled(values: Vec<f32>, bins: usize, rate_hz: u32) -> Result<(Self, u64), Diagnostic> {
+        Self::new(values, bins, rate_hz, Scale::Dft)
+    }
+
+    /// Frames of 0.1 s under a Hann window. Bad values become 0; answers their number.
+    ///
+    /// # Errors
+    /// Values that are no whole frames.
+    pub fn new(
+        mut values: Vec<f32>,
+        bins: usize,
+        rate_hz: u32,
+        scale: Scale,
+    ) -> Result<(Self, u64), Diagnostic> {
         let length = rate_hz / 10;
         let most = length as usize / 2 + 1;
         if bins == 0 || bins > most || values.is_empty() || !values.len().is_multiple_of(bins) {
@@ -45,8 +67,11 @@ impl Frames {
             return Err(Diagnostic::new(format!("an array of shape {shape:?} does not fit"))
                 .help(format!("at least one frame, and 1 to {most} bins at {rate_hz} Hz")));
         }
-        // From an unscaled DFT to amplitudes: the sum of a Hann window is half its length.
-        let scale = 4.0 / length as f32;
+        let scale = match scale {
+            // From an unscaled DFT to amplitudes: the sum of a Hann window is half its length.
+            Scale::Dft => 4.0 / length as f32,
+            Scale::Amplitude => 1.0,
+        };
         let mut bad = 0;
         for x in &mut values {
             if *x >= 0.0 && x.is_finite() {

@@ -19,7 +19,7 @@ use asperity_node::{Buffer, Descriptor, Diagnostic, Latency, NodeKind, Registry,
 use crate::failure::{Failure, wrong};
 use crate::number::{number, whole};
 
-pub use frames::{FRAME_HZ, Frames, check_rate};
+pub use frames::{FRAME_HZ, Frames, Scale, check_rate};
 use frames::{MAGNITUDES, magnitudes};
 
 /// Names of methods that need all frames at once: Griffin-Lim and its fast variant.

@@ -10,11 +10,12 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use asperity_diagnostics::{Diagnostic, one_of};
+use asperity_diagnostics::Diagnostic;
 use asperity_engine::{Engine, Options};
-use asperity_graph::{Compiled, GraphFile, Schedule};
+use asperity_graph::{Compiled, Schedule};
 use asperity_live::OutputLimits;
 use asperity_node::{Role, Shape, time};
+use asperity_offline::probe;
 use asperity_offline::render::{Level, Run, channels};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
@@ -185,18 +186,15 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {
     let (mut graph, scene) = load::read(&args.graph, kinds)?;
-    for (i, text) in args.probe.iter().enumerate() {
-        let (port, file) = split_probe(text, &graph)?;
-        let id =
-            (i + 1..).map(|n| format!("probe {n}")).find(|id| graph.node(id).is_none()).unwrap_or_default();
-        graph.add_node(&id, "probe", &[("file", file)], "--probe")?;
-        graph.add_wire(port, &id, "--probe");
+    for text in &args.probe {
+        let (port, file) = split_probe(text)?;
+        probe::add(&mut graph, port, &[("file", file)], "--probe")?;
     }
     load::compile(&args.graph, kinds, graph, scene)
 }
 
 /// Splits `NODE.PORT=FILE` of a probe.
-fn split_probe<'t>(text: &'t str, graph: &GraphFile) -> Result<(&'t str, &'t str), Diagnostic> {
+fn split_probe(text: &str) -> Result<(&str, &str), Diagnostic> {
     let fail = |m: String, help: String| Err(Diagnostic::new(m).in_file("--probe").help(help));
     let form = || "NODE.PORT=FILE.csv or .npy".to_owned();
     let Some((port, file)) = text.split_once('=') else {
@@ -204,11 +202,6 @@ fn split_probe<'t>(text: &'t str, graph: &GraphFile) -> Result<(&'t str, &'t str
     };
     if file.trim().is_empty() {
         return fail(format!("there is no file after the `=` in `{text}`"), form());
-    }
-    let node = port.split('.').next().unwrap_or(port);
-    if graph.node(node).is_none() {
-        let ids = graph.nodes.iter().map(|n| n.id.as_str());
-        return fail(format!("the graph has no node `{node}`"), one_of(node, ids));
     }
     Ok((port, file))
 }
