@@ -53,6 +53,7 @@ BUILD ?=
 test: setup-tests
 	$(CARGO) test --workspace $(WITHOUT) $(BUILD) --no-run
 	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
+	sh scripts/python.sh
 
 # The program without tract, as `make demo` builds it, renders the same bytes as the whole one, and says what it
 # refuses. The whole one is that of `make test`.

@@ -39,6 +39,7 @@ if [ "${1:-}" = tests ] && [ "$(uname)" = Linux ]; then
     command -v parec >/dev/null 2>&1 || drive="$drive pulseaudio-utils"
     command -v pulseaudio >/dev/null 2>&1 && ls /usr/lib/*/alsa-lib/libasound_module_pcm_pulse.so >/dev/null 2>&1 || drive="$drive libasound2-plugins"
     command -v chromium >/dev/null 2>&1 || command -v google-chrome >/dev/null 2>&1 || drive="$drive chromium"
+    python3 -c 'import ensurepip, venv' >/dev/null 2>&1 || drive="$drive python3-venv"
     # Emulates a CPU without vector instructions.
     command -v qemu-x86_64 >/dev/null 2>&1 || drive="$drive qemu-user"
     if [ -n "$drive" ]; then

@@ -1,5 +1,7 @@
 //! The Pareto front, and the best setting within a budget.
 
+use serde_json::{Value, json};
+
 use crate::figure::Figure;
 use crate::results::{Results, Row};
 
@@ -30,6 +32,17 @@ pub struct Choice<'r> {
     pub steps: Vec<(Figure, usize)>,
     /// Number of settings that tie for best. The choice has the lowest load of them.
     pub equals: usize,
+}
+
+impl Choice<'_> {
+    /// The setting with its figures and times, for a program.
+    pub fn json(&self) -> Value {
+        let row = self.row;
+        json!({
+            "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
+            "lag_ms": row.lag_ms, "figures": row.figures, "fragment": row.fragment, "fit": self.fit,
+        })
+    }
 }
 
 /// Why a setting is not within a budget.

@@ -7,8 +7,8 @@
 
 use asperity_live::place;
 use asperity_node::{
-    Descriptor, Diagnostic, Input, Node, NodeKind, Output, Param, Prepared, Processor, Resume, Role, Setup, ShapeSpec,
-    Status, Tick, Unit,
+    Descriptor, Diagnostic, Input, Node, NodeKind, Output, Param, Prepared, Processor, Resume, Role, Setup,
+    ShapeSpec, Status, Tick, Unit,
 };
 
 /// Descriptor of a node with the motion of a hand: adds role, timing, fed inputs, and outputs in the same

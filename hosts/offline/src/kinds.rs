@@ -21,7 +21,7 @@ use crate::trust::is_trusted;
 pub struct Kinds {
     loader: Loader,
     named: Vec<PathBuf>,
-    /// Kinds of the host. They replace built-in ones.
+    /// Kinds of the host.
     own: Vec<Arc<NodeKind>>,
     files: Vec<PathBuf>,
     plays: bool,
@@ -91,10 +91,17 @@ impl Kinds {
     /// All kinds that a graph may use. A bad plugin on the plugin path is left out with a warning.
     ///
     /// # Errors
-    /// A plugin that the graph or the user names, and that does not load or is not trusted.
+    /// A plugin that the graph or the user names, and that does not load or is not trusted. A kind of the
+    /// host whose name is taken.
     pub fn registry(&mut self, graph: Option<&GraphFile>) -> Result<Registry, Failure> {
         let mut registry = built_in();
-        self.own.iter().for_each(|kind| drop(registry.add(kind.clone())));
+        for kind in &self.own {
+            let name = kind.descriptor().kind.to_string();
+            if registry.add(kind.clone()).is_some() || OFFLINE.contains(&name.as_str()) || name == "default" {
+                let what = format!("there is a kind `{name}` already");
+                return Err(Diagnostic::new(what).help("give yours another name").into());
+            }
+        }
         let mut merged = Merged { registry, from: HashMap::new(), apart: self.apart };
         self.files.clear();
         self.left_out.clear();

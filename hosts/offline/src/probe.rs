@@ -57,8 +57,8 @@ impl Probe {
         }
     }
 
-    /// Values of a tick that has run, and the number of the first: a tick for controls, a sample of the signal
-    /// for audio and frames. `None` in a tick without a frame.
+    /// Values of a tick that has run, and the number of the first. That is a tick for controls, and a sample
+    /// of the signal for audio and frames. `None` in a tick without a frame.
     pub fn take(&self, engine: &Engine, tick: u64) -> Option<(u64, Vec<f32>)> {
         let buffer = engine.output(self.node, 0).or_else(|| engine.input(self.node, 0));
         Some(match (buffer?, self.shape) {

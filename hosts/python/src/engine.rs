@@ -42,13 +42,25 @@ impl Engine {
         let hand = schedule.with_role(Role::Hand).next().map(|(node, _)| node);
         let (rate, tick_hz, channels) = (schedule.audio_hz, schedule.tick_hz, channels(schedule));
         let engine = asperity_engine::Engine::new(compiled, Options::default());
-        let state = State { engine, hand, strokes: 0.0, channels, probes };
+        let mut state = State { engine, hand, strokes: 0.0, channels, probes };
+        state.begin();
         Self { state: Mutex::new(state), python, rate, tick_hz }
     }
 
     /// The state. A lock that waits with the GIL could wait for ever.
     fn state(&self) -> PyResult<MutexGuard<'_, State>> {
         self.state.try_lock().map_err(|_| PyRuntimeError::new_err("this engine is in a tick already"))
+    }
+}
+
+impl State {
+    /// A hand that does not press, in its first stroke. Until it has a position, the output is silent.
+    fn begin(&mut self) {
+        self.strokes = 0.0;
+        if let Some(hand) = self.hand {
+            self.engine.feed_control(hand, INPUTS[1], &[0.0], true);
+            self.engine.feed_control(hand, INPUTS[2], &[0.0], true);
+        }
     }
 }
 
@@ -101,12 +113,16 @@ impl Engine {
         Ok(answer)
     }
 
-    /// Values of a probe in the last tick, their rate \[Hz\], and unit.
-    fn probe<'py>(&self, py: Python<'py>, name: &str) -> PyResult<(Bound<'py, PyAny>, f64, String)> {
+    /// Values of a probe in the last tick.
+    fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
         let state = self.state()?;
-        let probe = state.probes.iter().find(|probe| probe.name == name);
-        let probe = probe.ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
-        Ok((probe.array(py)?, probe.rate(), probe.unit()))
+        find(&state.probes, name)?.latest(py)
+    }
+
+    /// Unit of a probe.
+    fn unit(&self, name: &str) -> PyResult<String> {
+        let state = self.state()?;
+        Ok(find(&state.probes, name)?.unit())
     }
 
     #[getter]
@@ -129,9 +145,15 @@ impl Engine {
     fn reset(&self) -> PyResult<()> {
         let mut state = self.state()?;
         state.engine.reset();
+        state.begin();
         state.probes.iter_mut().for_each(Values::clear);
         Ok(())
     }
+}
+
+/// A probe by its name.
+pub fn find<'a>(probes: &'a [Values], name: &str) -> PyResult<&'a Values> {
+    probes.iter().find(|probe| probe.name == name).ok_or_else(|| PyKeyError::new_err(name.to_owned()))
 }
 
 /// x, y and z \[mm\]: an array or any other sequence of three numbers.

@@ -1,4 +1,4 @@
-//! A render: its loop, and what it leaves.
+//! A render: its loop and its result.
 
 use std::sync::Mutex;
 
@@ -9,10 +9,10 @@ use asperity_offline::lag::Lag;
 use asperity_offline::load::Request;
 use asperity_offline::render::{self, Level, Timed, channels, interleaved};
 use numpy::{IntoPyArray, PyArray1, PyArrayMethods};
-use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use serde_json::{Value, json};
 
+use crate::engine::find;
 use crate::graph::Ready;
 use crate::values::Values;
 
@@ -24,7 +24,7 @@ pub struct Run {
     probes: Vec<Values>,
 }
 
-/// What a report is made of.
+/// All that a report needs.
 struct Ended {
     request: Request,
     graph: GraphFile,
@@ -125,8 +125,7 @@ impl Felt {
         py: Python<'py>,
         name: &str,
     ) -> PyResult<(Bound<'py, PyAny>, f64, String, Bound<'py, PyArray1<f64>>, f64)> {
-        let probe = self.probes.iter().find(|probe| probe.name == name);
-        let probe = probe.ok_or_else(|| PyKeyError::new_err(name.to_owned()))?;
+        let probe = find(&self.probes, name)?;
         let times = probe.times().into_pyarray(py);
         Ok((probe.array(py)?, probe.rate(), probe.unit(), times, probe.bin_hz()))
     }

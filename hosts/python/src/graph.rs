@@ -1,5 +1,6 @@
-//! A graph with its settings: what can be rendered, run and drawn.
+//! A graph with its settings, ready to be rendered, run and drawn.
 
+use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -8,10 +9,13 @@ use asperity_graph::{Compiled, GraphFile, Schedule};
 use asperity_hand::{HOST_INPUT, host_input};
 use asperity_node::{NodeKind, Registry, Role};
 use asperity_offline::failure::{Failure, wrong};
+use asperity_offline::host::warn;
 use asperity_offline::kinds::Kinds;
-use asperity_offline::load::{self, Loaded, Request, stylus, ticks, warn_about};
+use asperity_offline::lag::{self, Lag};
+use asperity_offline::load::{self, Loaded, Request, stylus, ticks, warnings};
 use asperity_offline::picture::picture;
 use asperity_offline::{probe, shipped};
+use numpy::PyReadonlyArray2;
 use pyo3::prelude::*;
 
 use crate::engine::Engine;
@@ -43,16 +47,6 @@ struct Plan {
     /// Parameters that name no node, and their values.
     keywords: Vec<(String, String)>,
     kinds: Vec<Arc<NodeKind>>,
-}
-
-/// A stroke: nothing, a file, or the text of one.
-#[derive(Clone, Default, FromPyObject)]
-#[pyo3(from_item_all)]
-pub struct Stroke {
-    file: Option<PathBuf>,
-    table: Option<String>,
-    map: Vec<String>,
-    repeat: bool,
 }
 
 /// A graph that is ready to run, and its probes.
@@ -113,7 +107,10 @@ impl Graph {
     fn render(
         &self,
         py: Python<'_>,
-        stroke: Stroke,
+        file: Option<PathBuf>,
+        table: Option<(Vec<String>, PyReadonlyArray2<'_, f64>)>,
+        map: Vec<String>,
+        repeat: bool,
         probes: Vec<String>,
         seconds: Option<f64>,
         seed: Option<u64>,
@@ -122,14 +119,14 @@ impl Graph {
     ) -> PyResult<Felt> {
         let mut request = self.plan.request.clone();
         request.set.extend(seed.map(|seed| format!("seed={seed}")));
-        request.input = stroke.file;
-        request.stroke = stroke.table.map(|text| Source::new(STROKE, text));
-        (request.map, request.repeat) = (stroke.map, stroke.repeat);
+        request.stroke = table.map(|(names, rows)| Source::new(STROKE, csv(&names, &rows)));
+        (request.input, request.map, request.repeat) = (file, map, repeat);
         let felt = py.detach(|| -> PyResult<Felt> {
             let mut watch = Watch::new(progress);
             let ready = self.plan.ready(request, &probes, false).map_err(|e| raise(&e))?;
             let all = self.plan.check(&ready.compiled.schedule, seconds).map_err(|e| raise(&e))?;
-            warn_about(&ready.compiled.schedule);
+            // That a Python node allocates matters to a live run only.
+            warnings(&ready.compiled.schedule).iter().for_each(|text| warn(text));
             let mut run = Run::new(ready, all, sleep, seconds, &probes);
             while run.done() < all {
                 run.tick();
@@ -144,9 +141,20 @@ impl Graph {
         felt
     }
 
+    /// How late the graph answers the hand, as JSON.
+    fn lag(&self, py: Python<'_>) -> PyResult<String> {
+        py.detach(|| -> Result<_, Failure> {
+            let Ready { graph, registry, compiled, .. } =
+                self.plan.ready(self.plan.request.clone(), &[], false)?;
+            Ok(lag::json(&Lag::of(&graph, &registry, &compiled.schedule)).to_string())
+        })
+        .map_err(|e| raise(&e))
+    }
+
     /// An engine at tick 0, whose stylus the caller moves.
     fn engine(&self, py: Python<'_>, probes: Vec<String>) -> PyResult<Engine> {
-        let ready = py.detach(|| self.plan.ready(self.plan.request.clone(), &probes, true)).map_err(|e| raise(&e))?;
+        let ready =
+            py.detach(|| self.plan.ready(self.plan.request.clone(), &probes, true)).map_err(|e| raise(&e))?;
         Ok(Engine::new(ready, self.python.iter().map(|kind| kind.clone_ref(py)).collect()))
     }
 }
@@ -199,6 +207,18 @@ impl Plan {
             wrong(&self.request.graph, what, "give the duration: seconds=5.0")
         })
     }
+}
+
+/// A table as the text of a CSV file. Numbers keep all their digits.
+fn csv(names: &[String], rows: &PyReadonlyArray2<'_, f64>) -> String {
+    let mut text = names.join(",") + "\n";
+    for row in rows.as_array().rows() {
+        for (i, x) in row.iter().enumerate() {
+            let _ = write!(text, "{}{x}", if i > 0 { "," } else { "" });
+        }
+        text.push('\n');
+    }
+    text
 }
 
 fn moves(registry: &Registry, kind: &str) -> bool {

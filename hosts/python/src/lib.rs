@@ -7,6 +7,7 @@
 // Everything here is the one module; `pub` says what a file offers the others.
 #![allow(unreachable_pub)]
 
+mod accuracy;
 mod engine;
 mod error;
 mod felt;
@@ -25,13 +26,15 @@ mod _asperity {
     use super::*;
 
     #[pymodule_export]
+    use super::accuracy::{convergence, figures, pitch, precision};
+    #[pymodule_export]
     use super::engine::Engine;
     #[pymodule_export]
     use super::error::{AsperityWarning, Error};
     #[pymodule_export]
     use super::felt::Felt;
     #[pymodule_export]
-    use super::functions::{materials, version};
+    use super::functions::{choose, fit_ar, materials, tradeoff, version};
     #[pymodule_export]
     use super::graph::Graph;
     #[pymodule_export]

@@ -30,19 +30,21 @@ pub struct Kind {
     class: Arc<Class>,
 }
 
-/// What all nodes of a kind share.
+/// Shared by all nodes of a kind.
 struct Class {
     /// Makes a node's object.
     make: Py<PyAny>,
     /// Makes a port for the object: `asperity.Port`.
     port: Py<PyAny>,
-    /// Makes what `prepare` gets: `asperity.Setup`.
+    /// Makes the argument of `prepare`: `asperity.Setup`.
     setup: Py<PyAny>,
-    /// Makes what `process` gets: `asperity.Tick`.
+    /// Makes the argument of `process`: `asperity.Tick`.
     tick: Py<PyAny>,
     latency_ms: f64,
     kind: String,
-    /// First exception that nobody was told of, and how many came.
+    inputs: Vec<String>,
+    outputs: Vec<String>,
+    /// First exception that no warning has shown yet, and their number.
     raised: Mutex<Option<(String, u64)>>,
 }
 
@@ -99,8 +101,11 @@ impl Kind {
             descriptor = descriptor.param(param(name, &default)?);
         }
         let (port, setup, tick) = types;
+        let inputs = descriptor.inputs.iter().map(|port| port.name.to_string()).collect();
+        let outputs = descriptor.outputs.iter().map(|port| port.name.to_string()).collect();
         let raised = Mutex::new(None);
-        Ok(Self { descriptor, class: Arc::new(Class { make, port, setup, tick, latency_ms, kind: name, raised }) })
+        let class = Class { make, port, setup, tick, latency_ms, kind: name, inputs, outputs, raised };
+        Ok(Self { descriptor, class: Arc::new(class) })
     }
 
     #[getter]
@@ -135,7 +140,7 @@ fn param(name: String, default: &Bound<'_, PyAny>) -> PyResult<Param> {
     Ok(param)
 }
 
-/// Warns of exceptions in nodes that nobody was told of.
+/// Warns of exceptions in nodes, once.
 pub fn tell(py: Python<'_>, kinds: &[Py<Kind>]) -> PyResult<()> {
     for kind in kinds {
         let class = &kind.get().class;
@@ -154,7 +159,10 @@ enum Port {
     /// A control's values.
     Control(Py<PyArray1<f64>>),
     /// Room for the samples of any tick, and a view of those of this tick.
-    Audio { all: Py<PyArray1<f32>>, len: usize },
+    Audio {
+        all: Py<PyArray1<f32>>,
+        len: usize,
+    },
     Magnitude(Py<PyArray1<f32>>),
     Spectrum(Py<PyArray1<Complex32>>),
 }
@@ -186,7 +194,7 @@ impl Node {
     }
 
     fn new(py: Python<'_>, class: &Arc<Class>, setup: &Setup<'_>) -> PyResult<Self> {
-        let names = |ports: &[Wiring], declared: Vec<String>| -> PyResult<(Py<PyDict>, Vec<(String, Port)>)> {
+        let names = |ports: &[Wiring], declared: &[String]| -> PyResult<(Py<PyDict>, Vec<(String, Port)>)> {
             let (described, mut arrays) = (PyDict::new(py), Vec::new());
             for (wiring, name) in ports.iter().zip(declared) {
                 let Some(port) = &wiring.port else { continue };
@@ -201,23 +209,22 @@ impl Node {
                         ("spectrum", l.rate_hz, l.bins as usize, l.length, l.frame_rate.hz(), unit)
                     }
                 };
-                described.set_item(&name, class.port.call1(py, about)?)?;
-                arrays.push((name, Port::new(py, port.shape, setup)));
+                described.set_item(name, class.port.call1(py, about)?)?;
+                arrays.push((name.clone(), Port::new(py, port.shape, setup)));
             }
             Ok((described.unbind(), arrays))
         };
-        let ids = |class: &Class, inputs: bool| -> PyResult<Vec<String>> {
-            class.make.getattr(py, if inputs { "inputs" } else { "outputs" })?.extract(py)
-        };
-        let (described_in, inputs) = names(setup.inputs, ids(class, true)?)?;
-        let (described_out, outputs) = names(setup.outputs, ids(class, false)?)?;
+        let (described_in, inputs) = names(setup.inputs, &class.inputs)?;
+        let (described_out, outputs) = names(setup.outputs, &class.outputs)?;
         let about = (setup.id, setup.tick_hz, setup.audio_hz, setup.seed, described_in, described_out);
         let about = class.setup.call1(py, about)?;
-        let params: Vec<_> = setup.params.iter().map(|(name, value)| (name.to_owned(), value.clone())).collect();
+        let params: Vec<_> =
+            setup.params.iter().map(|(name, value)| (name.to_owned(), value.clone())).collect();
         let (ins, outs) = (PyDict::new(py).unbind(), PyDict::new(py).unbind());
         let tick = class.tick.call1(py, (&ins, &outs))?;
         let object = make(py, class, &params, &about)?;
-        let framed = inputs.iter().position(|(_, port)| matches!(port, Port::Magnitude(_) | Port::Spectrum(_)));
+        let framed =
+            inputs.iter().position(|(_, port)| matches!(port, Port::Magnitude(_) | Port::Spectrum(_)));
         Ok(Self {
             class: class.clone(),
             params,
@@ -270,7 +277,7 @@ impl Node {
         }
         for (i, (name, port)) in self.outputs.iter_mut().enumerate() {
             match port {
-                Port::Control(array) => ins_again(outs, name, array)?,
+                Port::Control(array) => outs.set_item(&*name, &*array)?,
                 Port::Audio { all, len } => {
                     let wanted = tick.outputs.audio(i).len();
                     clear(all.bind(py))?;
@@ -301,7 +308,7 @@ impl Node {
         Ok(())
     }
 
-    /// Keeps an exception, until somebody is told.
+    /// Keeps an exception until `tell` warns of it.
     fn keep(&self, py: Python<'_>, e: &PyErr) {
         if e.is_instance_of::<PyKeyboardInterrupt>(py) {
             interrupted();
@@ -376,10 +383,6 @@ impl Port {
     }
 }
 
-fn ins_again(outs: &Bound<'_, PyDict>, name: &str, array: &Py<PyArray1<f64>>) -> PyResult<()> {
-    outs.set_item(name, array)
-}
-
 /// Puts the first `wanted` samples of an array under a name, if others are there.
 fn view(
     to: &Bound<'_, PyDict>,
@@ -420,7 +423,10 @@ fn copy_out<T: numpy::Element + Copy>(from: &Bound<'_, PyArray1<T>>, to: &mut [T
 fn traceback(py: Python<'_>, e: &PyErr) -> String {
     let lines = py
         .import(intern!(py, "traceback"))
-        .and_then(|module| module.call_method1(intern!(py, "format_exception"), (e.value(py),)))
+        .and_then(|module| {
+            let parts = (e.get_type(py), e.value(py), e.traceback(py));
+            module.call_method1(intern!(py, "format_exception"), parts)
+        })
         .and_then(|lines| lines.extract::<Vec<String>>());
     lines.map_or_else(|_| e.to_string(), |lines| lines.concat().trim_end().to_owned())
 }

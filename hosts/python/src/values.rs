@@ -83,6 +83,11 @@ impl Values {
         Ok(array.reshape([self.rows.len() / columns.max(1), columns])?.into_any())
     }
 
+    /// The values of one tick: \[values\] or \[samples\], and \[frames, bins\].
+    pub fn latest<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        if self.is_frames() { self.array(py) } else { Ok(PyArray1::from_slice(py, &self.rows).into_any()) }
+    }
+
     /// Forgets the values: those of the next tick alone follow.
     pub fn clear(&mut self) {
         self.rows.clear();

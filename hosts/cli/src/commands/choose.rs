@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::one_of;
 use asperity_tradeoff::{Budget, Choice, Figure, Misfit, Results, Time};
-use serde_json::json;
 
 use super::tradeoff::{count, read_results};
 use crate::failure::{Failure, complain, print_report, wrong};
@@ -63,14 +62,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         complain(&nothing(&results, &budget, &from));
         return Err(Failure::Said(1));
     };
-    let row = choice.row;
-    let value = || {
-        json!({
-            "setting": row.name, "graph": row.graph, "tick_hz": row.tick_hz, "time": row.time,
-            "lag_ms": row.lag_ms, "figures": row.figures, "fragment": row.fragment, "fit": choice.fit,
-        })
-    };
-    print_report(args.json, value, || text(&results, &choice, &from))
+    print_report(args.json, || choice.json(), || text(&results, &choice, &from))
 }
 
 fn figures(names: &[String]) -> Result<Vec<Figure>, Failure> {
