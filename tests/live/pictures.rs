@@ -76,7 +76,8 @@ const STUDY: &str = r#"Experiment(version: 1, title: "Virtual and real textures"
             scale(name: "hard", text: "Hard or soft?", from: 1, to: 7, low: "hard", high: "soft")]),
         (name: "same", show: [("AR", "NN")], ask: [same(name: "same", text: "Are both the same?")]),
         (name: "closeness", reference: "AR", show: [("AR", "NN")], ask: [
-            sliders(name: "close", text: "How close is each to the reference?", low: "far", high: "the same")]),
+            sliders(name: "close", text: "How close is each to the reference?", low: "far",
+                high: "the same")]),
     ],
     survey: [
         scale(name: "hard", text: "How hard was it?", from: 1, to: 5, low: "very easy", high: "very hard"),
@@ -88,8 +89,8 @@ const SCREEN: [u32; 2] = [560, 520];
 /// Screens in a row.
 const ROW: usize = 4;
 
-/// Paints every screen of a study, side by side. It lies in target/page; with `ASPERITY_PICTURES=FOLDER` it is
-/// also the studies.png of that folder.
+/// Paints every screen of a study, side by side. It lies in target/page; with `ASPERITY_PICTURES=FOLDER` it
+/// is also the studies.png of that folder.
 #[test]
 fn pictures_of_a_study() {
     let _alone = real_time();
