@@ -2,8 +2,8 @@
 
 use harness::{Room, files, root, run};
 
-/// Pictures that `make` does not draw: by hand, and from a study with people.
-const BY_HAND: &[&str] = &["wiring.svg", "studies.svg", "studies.png"];
+/// Pictures that `make` does not draw.
+const BY_HAND: &[&str] = &["wiring.svg"];
 /// Pictures that no two runs draw alike: they show times, or noise of a card.
 const MEASURED: &[&str] = &["calibrate.svg", "compare.svg"];
 

@@ -363,6 +363,46 @@ fn file_that_changes_in_a_trial_marks_it() {
     assert!(events(&dir).iter().any(marked), "{:?}", events(&dir));
 }
 
+/// Marks the trial that is shown.
+fn mark(running: &Running) -> Option<u16> {
+    let token = running.screen(1)?["token"].clone();
+    running.press(1, &json!({ "press": "mark", "token": token, "why": "it slipped" }))
+}
+
+#[test]
+fn trial_that_comes_again_at_once_begins_anew() {
+    let _lock = beside_others();
+    let dir = folder(1);
+    side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
+    let running = Running::start(&dir);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("a stimulus", || !places(&dir).is_empty());
+    assert_eq!(mark(&running), Some(204));
+    let again = |event: &Event| matches!(event, Event::Stimulus { trial: 0, attempt: 1, place: Some(_), .. });
+    until("the stimulus of the second attempt", || events(&dir).iter().any(again));
+}
+
+#[test]
+fn samples_that_were_not_played_mark_their_trial() {
+    let _lock = beside_others();
+    let dir = folder(1);
+    side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
+    let study = std::fs::read_to_string(dir.join("study.ron")).unwrap();
+    dir.write("study.ron", study.replace("missed: 1.0", "missed: 0.4"));
+    let running = Running::start(&dir);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("a stimulus", || !places(&dir).is_empty());
+    // The card goes on while the program stands still: hardly a tick is late, since few are run.
+    let id = running.live.id().to_string();
+    for (signal, ms) in [("-STOP", 3000), ("-CONT", 300)] {
+        assert!(std::process::Command::new("kill").args([signal, &id]).status().expect("kill").success());
+        std::thread::sleep(Duration::from_millis(ms));
+    }
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    let (marked, _) = marks(&dir);
+    assert!(marked.len() == 1 && marked[0].1.ends_with("deadlines were missed"), "{:?}", events(&dir));
+}
+
 /// Two tones of other levels, which are matched, and noise on the second channel.
 const MASKED: &str = r#"Experiment(version: 1, title: "Masked", participants: 2, missed: 1.0,
     stimuli: {"weak": graph(file: "weak.ron"), "strong": graph(file: "strong.ron")},

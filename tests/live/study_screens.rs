@@ -44,19 +44,20 @@ const HIDDEN: [&str; 10] = [
 ];
 
 /// A session whose host does what people press.
-struct Stage {
-    participant: Arc<Screen>,
-    experimenter: Arc<Screen>,
+pub(crate) struct Stage {
+    pub(crate) participant: Arc<Screen>,
+    pub(crate) experimenter: Arc<Screen>,
     log: Arc<Mutex<Vec<Event>>>,
     _host: Background,
 }
 
 impl Stage {
     fn new() -> Self {
-        Self::of(STUDY)
+        Self::of(STUDY, false)
     }
 
-    fn of(study: &'static str) -> Self {
+    /// `has_pad` puts the pad of `--hand page` on the participant's screen.
+    pub(crate) fn of(study: &'static str, has_pad: bool) -> Self {
         let open = |who| Arc::new(screen(Options::default(), who, None).expect("it serves"));
         let (participant, experimenter) = (open(Who::Participant), open(Who::Experimenter));
         let log = Arc::new(Mutex::new(Vec::new()));
@@ -77,10 +78,10 @@ impl Stage {
                     let press: Press = serde_json::from_value(pressed.press.clone()).expect("a press");
                     let done = conduct.press(press, began.elapsed().as_secs_f64());
                     let verdict = done.map(|new| events.lock().expect("a log").extend(new));
-                    ours.show(conduct.participant());
+                    ours.show(with_pad(conduct.participant(), has_pad));
                     pressed.answer(verdict.map_err(|why| why.0));
                 }
-                ours.show(conduct.participant());
+                ours.show(with_pad(conduct.participant(), has_pad));
                 let mut screen = conduct.experimenter();
                 screen["live"] = json!({
                     "position_mm": [began.elapsed().as_secs_f64(), 0.0, -1.0], "drive": 0.4, "muted": muted,
@@ -95,6 +96,11 @@ impl Stage {
     fn logged(&self) -> Vec<Event> {
         self.log.lock().expect("a log").clone()
     }
+}
+
+fn with_pad(mut screen: serde_json::Value, has_pad: bool) -> serde_json::Value {
+    screen["pad"] = has_pad.into();
+    screen
 }
 
 pub(crate) fn state(browser: &mut Chromium) -> String {
@@ -135,7 +141,7 @@ fn no_fault(browser: &mut Chromium, place: &str) {
 }
 
 /// Keys of the left hand that answer all questions of the screen.
-fn answers(browser: &mut Chromium) -> String {
+pub(crate) fn answers(browser: &mut Chromium) -> String {
     let kinds = browser.eval(
         "[...document.querySelectorAll('.question')].map((box) => \
          ['scale', 'which', 'same', 'sliders', 'text'].find((kind) => box.classList.contains(kind)))",
@@ -311,7 +317,7 @@ const MARKED: &str = "[...document.querySelectorAll('#buttons [aria-pressed=true
 fn chosen_place_is_marked_and_answers_stay() {
     let _alone = real_time();
     let Some(mut page) = Chromium::start() else { return };
-    let stage = Stage::of(PLACES);
+    let stage = Stage::of(PLACES, false);
     page.open(stage.participant.url());
     for _ in 0..2 {
         settled(&mut page);

@@ -76,7 +76,8 @@ fn ten() -> u32 {
 pub struct Estimate {
     /// Mean level of the averaged reversals; the geometric mean for [`Steps::Multiply`].
     pub level: f64,
-    /// Standard deviation of these levels. For [`Steps::Multiply`] it is a part of the level: 0.1 is 10 %.
+    /// Standard deviation of these levels. For [`Steps::Multiply`] it is that of their logarithms, as a
+    /// distance above the level.
     pub sd: f64,
     /// Number of averaged reversals.
     pub reversals: u32,
@@ -131,8 +132,10 @@ impl StaircaseSettings {
         }
         let ratio = (0.01..=100.0).contains(&up_over_down);
         require(ratio, "up_over_down", up_over_down, "a number from 0.01 to 100, for instance 1")?;
-        require(self.trials > 0, "trials", self.trials, "1 or more, for instance 100")?;
         require(self.average > 0, "average", self.average, "1 or more, for instance 10")?;
+        let least = self.least_trials();
+        let fitting = format!("{least} or more: `average` reversals take as many");
+        require(u64::from(self.trials) >= least, "trials", self.trials, &fitting)?;
         let least = self.average;
         let reversals = self.reversals.unwrap_or(least);
         require(
@@ -141,6 +144,12 @@ impl StaircaseSettings {
             reversals,
             &format!("`average` or more, for instance {least}"),
         )
+    }
+
+    /// Fewest trials with as many reversals as are averaged: after the first move, each is a reversal.
+    fn least_trials(&self) -> u64 {
+        let [average, down, up] = [self.average, self.down, self.up].map(u64::from);
+        average / 2 * (down + up) + average % 2 * (down + up) + (1 - average % 2) * down.min(up)
     }
 
     /// Probability of a correct answer at which moves balance: that of a step down is r / (1 + r).
@@ -223,7 +232,7 @@ impl Staircase {
         let levels = last.iter().map(|l| if ratios { l.log_e() } else { *l });
         let mean = levels.clone().sum::<f64>() / f64::from(n);
         let sd = (levels.map(|l| (l - mean) * (l - mean)).sum::<f64>() / f64::from(n)).sqrt();
-        let (level, sd) = if ratios { (mean.exp_e(), sd.exp_less_1()) } else { (mean, sd) };
+        let (level, sd) = if ratios { (mean.exp_e(), mean.exp_e() * sd.exp_less_1()) } else { (mean, sd) };
         Some(Estimate { level, sd, reversals: n, target: self.settings.target() })
     }
 }
@@ -349,6 +358,31 @@ mod tests {
         }
     }
 
+    /// Every answer turns it, by hand: up, down down, up, ...; and no shorter row does.
+    #[test]
+    fn fewest_trials_reach_the_reversals_and_no_fewer_do() {
+        for (down, up, average) in [(1, 1, 1), (2, 1, 4), (2, 1, 5), (3, 2, 6), (1, 3, 3)] {
+            let rule =
+                |trials| StaircaseSettings { trials, average, reversals: None, ..settings(down, up, 1.0) };
+            let least = rule(1).least_trials() as u32;
+            assert!(rule(least).check().is_ok() && rule(least - 1).check().is_err());
+            let reaches = |trials: u32, rises: bool| {
+                let mut staircase = Staircase::new(rule(least)).unwrap();
+                let mut turn = rises;
+                for _ in 0..trials {
+                    let before = (staircase.reversals().len(), staircase.rises);
+                    staircase.answer(!turn);
+                    if (staircase.reversals().len(), staircase.rises) != before {
+                        turn = !turn;
+                    }
+                }
+                staircase.estimate().is_some()
+            };
+            assert!(reaches(least, true) || reaches(least, false), "{down} {up} {average}");
+            assert!(!reaches(least - 1, true) && !reaches(least - 1, false), "{down} {up} {average}");
+        }
+    }
+
     #[test]
     fn settings_are_read_from_ron_and_checked() {
         let read = |text: &str| ron::from_str::<StaircaseSettings>(text).map_err(|e| e.to_string());
@@ -363,7 +397,7 @@ mod tests {
             ("add", "multiply", "`steps` is 1: use finite numbers above 1, for instance 2"),
             ("ceiling: 0", "ceiling: NaN", "`ceiling` is NaN: use more than -60"),
             ("down: 2", "down: 0", "`down` is 0: use 1 to 1000, for instance 1"),
-            ("trials: 100", "trials: 0", "`trials` is 0: use 1 or more, for instance 100"),
+            ("trials: 100", "trials: 15", "`trials` is 15: use 16 or more: `average` reversals take as many"),
         ] {
             assert_eq!(Staircase::new(read(&good.replace(from, to)).unwrap()).unwrap_err(), error);
         }

@@ -10,7 +10,7 @@ use asperity_numbers::Random;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use crate::file::{Experiment, Sides, StimulusKind, WORDS};
+use crate::file::{Experiment, Sides, StimulusKind, word_of};
 use crate::log::Event;
 use crate::plan::Trial;
 use crate::progress::{Progress, Step};
@@ -243,7 +243,7 @@ impl<'e> Conduct<'e> {
         Ok(Vec::new())
     }
 
-    /// A refusal by its key in [`WORDS`].
+    /// A refusal by the key of its word.
     pub fn refused(&self, key: &str) -> Refused {
         Refused(self.word(key))
     }
@@ -261,10 +261,10 @@ impl<'e> Conduct<'e> {
         token == self.token
     }
 
-    /// Number of the trial that is shown, and its part.
-    pub fn shown(&self) -> Option<(usize, usize)> {
+    /// The trial that is shown.
+    pub fn shown(&self) -> Option<&Step> {
         let shown = matches!(self.state, State::Reference | State::Exchange | State::Explore);
-        self.step.as_ref().filter(|_| shown).map(|step| step.number).zip(self.part())
+        self.step.as_ref().filter(|_| shown)
     }
 
     /// Leaves the trial out that is shown. `None`: no trial is shown.
@@ -508,9 +508,7 @@ impl<'e> Conduct<'e> {
 
     /// Word of the screens by its key.
     fn word(&self, key: &str) -> String {
-        let own = self.experiment.words.iter().find(|(known, _)| known == key).map(|(_, text)| text.as_str());
-        let english = || WORDS.iter().find(|(known, _)| *known == key).map_or("", |(_, text)| text);
-        own.unwrap_or_else(english).to_owned()
+        word_of(&self.experiment.words, key)
     }
 
     /// The participant's screen. It has no name of a condition, and nothing that stays the same for one.
@@ -870,7 +868,7 @@ mod tests {
         while conduct.participant()["questions"].as_array().unwrap().is_empty() {
             go_on(&mut conduct, &mut random, 0.0);
         }
-        let (number, _) = conduct.shown().unwrap();
+        let number = conduct.shown().unwrap().number;
         conduct.spoil("2 % of the deadlines were missed");
         conduct.spoil("and more");
         let events = go_on(&mut conduct, &mut random, 0.0);

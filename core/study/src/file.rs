@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use asperity_diagnostics::ron::{self, Key, Kind, Record, Value};
-use asperity_diagnostics::{Diagnostic, Place, Source, Span, one_of};
-use asperity_psychometrics::{FitSettings, Quest, QuestSettings, StaircaseSettings};
+use asperity_diagnostics::{Diagnostic, Place, Source, one_of};
 
+use crate::method::Vary;
 use crate::person::Person;
 use crate::question::{self, Question};
 use crate::test::{self, Test};
@@ -190,37 +190,6 @@ pub enum Matching {
     Perceptual,
 }
 
-/// A parameter of a stimulus that varies from trial to trial.
-#[derive(Clone, Debug)]
-pub struct Vary {
-    /// Index of the stimulus.
-    pub stimulus: usize,
-    /// Setting, such as `strength.gain`.
-    pub set: String,
-    /// How levels are chosen.
-    pub method: Method,
-    /// Its place in the file.
-    pub place: Place,
-}
-
-/// Choice of levels.
-#[derive(Clone, Debug)]
-pub enum Method {
-    /// Up and down with the answers.
-    Staircase(StaircaseSettings),
-    /// The most informative level.
-    Quest(QuestSettings),
-    /// Fixed levels, each several times, and a fitted function.
-    Constant {
-        /// Levels.
-        levels: Vec<f64>,
-        /// Trials of each.
-        each: u32,
-        /// Shape of the function.
-        fit: FitSettings,
-    },
-}
-
 /// Noise against the sound of the actuator.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Masking {
@@ -300,9 +269,9 @@ impl Experiment {
 
 /// Names that parts refer to.
 #[derive(Clone, Copy)]
-struct Named<'a> {
+pub(crate) struct Named<'a> {
     factors: &'a [Factor],
-    stimuli: &'a [Stimulus],
+    pub(crate) stimuli: &'a [Stimulus],
 }
 
 impl Named<'_> {
@@ -310,7 +279,7 @@ impl Named<'_> {
         index(value, value.text()?, "factor", self.factors.iter().map(|f| f.name.as_str()))
     }
 
-    fn stimulus(&self, value: &Value) -> Result<usize, Diagnostic> {
+    pub(crate) fn stimulus(&self, value: &Value) -> Result<usize, Diagnostic> {
         index(value, value.text()?, "stimulus", self.stimuli.iter().map(|s| s.name.as_str()))
     }
 }
@@ -374,24 +343,6 @@ pub(crate) fn fields<'v>(value: &'v Value, name: &str) -> Result<Option<Record<'
         Kind::Word(_) => Ok(None),
         _ => value.record(name).map(Some),
     }
-}
-
-/// Settings that another crate defines: unknown fields and bad values are refused at their place.
-pub(crate) fn settings<T: serde::de::DeserializeOwned>(value: &Value) -> Result<T, Diagnostic> {
-    let Span { start, end } = value.span();
-    // Without the variant's name, which says only which settings they are.
-    let text = &value.source().text()[start..end];
-    let inner = text.find('(').unwrap_or(0);
-    let options =
-        ::ron::Options::default().with_default_extension(::ron::extensions::Extensions::IMPLICIT_SOME);
-    options.from_str(&text[inner..]).map_err(|e| {
-        let line = text[inner..].split_inclusive('\n').take(e.span.start.line.saturating_sub(1));
-        let at = line.map(str::len).sum::<usize>();
-        let rest = &text[inner + at..];
-        let column = rest.char_indices().nth(e.span.start.col.saturating_sub(1)).map_or(0, |(i, _)| i);
-        let at = start + inner + at + column;
-        Diagnostic::new(e.code.to_string()).at(value.source(), Span { start: at.min(end - 1), end })
-    })
 }
 
 fn factors(value: &Value) -> Result<Vec<Factor>, Diagnostic> {
@@ -511,7 +462,7 @@ fn masking(value: &Value, seed: u64) -> Result<Masking, Diagnostic> {
 }
 
 /// Keys of the words that screens show.
-pub const WORDS: &[(&str, &str)] = &[
+const WORDS: &[(&str, &str)] = &[
     ("next", "Next"),
     ("wait", "Wait"),
     ("explore", "Explore"),
@@ -540,6 +491,13 @@ pub const WORDS: &[(&str, &str)] = &[
     ("trial", "Question {number} of {count}"),
 ];
 
+/// Word of the screens by its key: the file's own, or the English one.
+pub(crate) fn word_of(own: &[(String, String)], key: &str) -> String {
+    let own = own.iter().find(|(known, _)| known == key).map(|(_, text)| text.as_str());
+    let english = || WORDS.iter().find(|(known, _)| *known == key).map_or("", |(_, text)| text);
+    own.unwrap_or_else(english).to_owned()
+}
+
 fn screen_words(value: &Value) -> Result<Vec<(String, String)>, Diagnostic> {
     let mut found = Vec::new();
     for (key, text) in value.map()? {
@@ -550,6 +508,13 @@ fn screen_words(value: &Value) -> Result<Vec<(String, String)>, Diagnostic> {
                 .help(one_of(&key.name, WORDS.iter().map(|(known, _)| *known))));
         }
         found.push((key.name.clone(), words(text)?));
+    }
+    for pair in [["left", "right"], ["same", "different"]] {
+        let [one, other] = pair.map(|key| word_of(&found, key));
+        if one == other {
+            let what = format!("`{}` and `{}` have the same word: \"{one}\"", pair[0], pair[1]);
+            return Err(value.error(what).help("answers cannot be told apart"));
+        }
     }
     Ok(found)
 }
@@ -588,7 +553,7 @@ fn part(value: &Value, named: Named<'_>) -> Result<Part, Diagnostic> {
         "perceptual" => Matching::Perceptual,
         _ => Matching::Off,
     };
-    let vary = record.optional("vary").map(|v| vary(v, named)).transpose()?;
+    let vary = record.optional("vary").map(|v| Vary::read(v, named)).transpose()?;
     if let Some(matched) = matched.filter(|_| level != Matching::Off)
         && most + usize::from(reference.is_some()) < 2
         && vary.is_none()
@@ -718,44 +683,6 @@ fn order(value: &Value, named: Named<'_>, over: &[(usize, Vec<usize>)]) -> Resul
     }
 }
 
-fn vary(value: &Value, named: Named<'_>) -> Result<Vary, Diagnostic> {
-    let mut record = value.record("Vary")?;
-    let stimulus = record.required("stimulus")?;
-    let (at, which) = (stimulus, named.stimulus(stimulus)?);
-    if !matches!(named.stimuli[which].kind, StimulusKind::Graph { .. }) {
-        return Err(at.error("this stimulus has no parameters").help("name one of kind `graph(...)`"));
-    }
-    let set = words(record.required("set")?)?;
-    let by = record.required("by")?;
-    let refuse = |why: String| by.error(why);
-    let method = match variant(by, &["staircase", "quest", "constant"])? {
-        "staircase" => {
-            let settings: StaircaseSettings = settings(by)?;
-            settings.check().map_err(refuse)?;
-            Method::Staircase(settings)
-        }
-        "quest" => {
-            let settings: QuestSettings = settings(by)?;
-            Quest::new(settings.clone()).map_err(refuse)?;
-            Method::Quest(settings)
-        }
-        _ => {
-            let mut record = by.record("constant")?;
-            let listed = record.required("levels")?;
-            let levels = listed.list()?.iter().map(Value::f64).collect::<Result<Vec<_>, _>>()?;
-            let each = record.required("each")?.i64_in(1..=1000, "trials")? as u32;
-            let fit = record.optional("fit").map_or(Ok(FitSettings::default()), settings)?;
-            record.finish()?;
-            if levels.len() < 2 {
-                return Err(listed.error("a function needs two levels at least"));
-            }
-            Method::Constant { levels, each, fit }
-        }
-    };
-    record.finish()?;
-    Ok(Vary { stimulus: which, set, method, place: value.place() })
-}
-
 impl Stimulus {
     /// Files and texts with the levels of a trial filled in. `level` gives the level of a factor.
     pub fn filled(&self, level: &dyn Fn(&str) -> Option<String>) -> StimulusKind {
@@ -878,8 +805,11 @@ mod tests {
                     "show: [(\"x\", \"z\")], {which} vary: (stimulus: \"z\", set: \"a.b\", by: {STAIRS})"
                 ),
                 "`start` is 1: use a number from 2 to 3",
-                STAIRS,
+                "1",
             ),
+            ("words: {\"left\": \"A\", \"right\": \"A\"},", "show: [\"x\"]".to_owned(), "the same word", ""),
+            ("", "show: [(\"x\", \"z\"), (\"x\", \"z\")]".to_owned(), "entry 2 of `show`", ""),
+            ("", format!("show: [(\"x\", \"x\")], {which}"), "shows a stimulus twice", WHICH),
             ("", "show: [\"x\"], repeats: 1000, over: [\"n\"]".to_owned(), "20000 trials in a part", ""),
         ] {
             let factor = if part.contains("\"n\"") { "factors: {\"n\": [NAMES]}," } else { fields };
@@ -890,22 +820,6 @@ mod tests {
             let pointed = &place.source.text()[place.span.start..place.span.end];
             assert!(at.is_empty() || pointed == at, "{message}: points at {pointed}");
         }
-    }
-
-    #[test]
-    fn setting_of_another_crate_is_refused_at_its_line() {
-        let part = "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")], vary: (stimulus: \"z\",
-            set: \"a.b\", by: staircase(
-                start: 2,
-                flor: 1,
-            ))";
-        let error = parse(&text("", part)).unwrap_err();
-        let place = error.place.clone().expect("a place");
-        assert!(
-            place.source.text()[place.span.start..].starts_with("flor") || error.to_string().contains("flor")
-        );
-        let line = place.source.text()[..place.span.start].lines().count();
-        assert!((6..=7).contains(&line), "line {line}: {error}");
     }
 
     #[test]

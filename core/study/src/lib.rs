@@ -14,6 +14,7 @@ mod conduct;
 mod export;
 mod file;
 pub mod log;
+mod method;
 mod person;
 mod plan;
 mod progress;
@@ -26,9 +27,8 @@ mod testing;
 pub use analysis::Analysis;
 pub use conduct::{Conduct, Felt, Given, Press, Refused, Side};
 pub use export::sidecar;
-pub use file::{
-    Experiment, Factor, Masking, Matching, Method, Order, Part, Sides, Stimulus, StimulusKind, Vary, WORDS,
-};
+pub use file::{Experiment, Factor, Masking, Matching, Order, Part, Sides, Stimulus, StimulusKind};
+pub use method::{Method, Vary};
 pub use person::Person;
 pub use plan::Trial;
 pub use progress::{Progress, Step, Track};

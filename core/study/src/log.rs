@@ -47,6 +47,9 @@ pub enum Event {
     Stimulus {
         /// Number of the trial.
         trial: usize,
+        /// Times that the trial was shown before.
+        #[serde(default)]
+        attempt: u32,
         /// Place of the stimulus in the trial's order, from 0. That of the reference follows the last.
         /// `None`: nothing is felt.
         place: Option<usize>,
@@ -109,7 +112,7 @@ pub enum Event {
         trial: usize,
         /// Answer to each question, by name.
         answers: Vec<(String, Answer)>,
-        /// Time from the trial's begin to the last answer, in s.
+        /// Time in s from when its stimuli could be felt, after the reference. Pauses are left out.
         seconds: f64,
     },
     /// A trial does not count, and why.

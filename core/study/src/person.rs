@@ -8,8 +8,9 @@ use asperity_numbers::random::seed_of;
 use asperity_numbers::{Elementary as _, Random};
 use asperity_psychometrics::Function;
 
-use crate::file::{Experiment, settings};
+use crate::file::Experiment;
 use crate::log::Event;
+use crate::method;
 use crate::plan::Trial;
 use crate::progress::Progress;
 use crate::question::{Question, QuestionKind};
@@ -50,17 +51,12 @@ impl Person {
                 |(key, v): &(asperity_diagnostics::ron::Key, Value)| Ok((key.name.clone(), numbers(v)?));
             v.map()?.iter().map(one).collect::<Result<BTreeMap<_, _>, Diagnostic>>()
         };
-        let function = |v: &Value| {
-            let function: Function = settings(v)?;
-            function.check().map_err(|why| v.error(why))?;
-            Ok::<_, Diagnostic>(function)
-        };
         let it = Self {
             preference: record.optional("preference").map_or(Ok(BTreeMap::new()), numbers)?,
             ratings: record.optional("ratings").map_or(Ok(BTreeMap::new()), ratings)?,
             spread: record.optional("spread").map_or(Ok(default.spread), |v| v.f64_in(0.0..=100.0, ""))?,
             between: record.optional("between").map_or(Ok(default.between), |v| v.f64_in(0.0..=100.0, ""))?,
-            function: record.optional("function").map(function).transpose()?,
+            function: record.optional("function").map(method::function).transpose()?,
         };
         record.finish()?;
         Ok(it)

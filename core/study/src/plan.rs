@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use asperity_numbers::Random;
 use asperity_numbers::random::seed_of;
 
-use crate::file::{Experiment, Method, Order, Part, Sides, Stimulus, StimulusKind};
+use crate::file::{Experiment, Order, Part, Sides, Stimulus, StimulusKind};
+use crate::method::Method;
 
 /// Trials of a block in which sides are balanced, for each stimulus of a trial.
 const BLOCK: usize = 4;

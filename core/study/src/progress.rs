@@ -6,8 +6,9 @@ use asperity_diagnostics::Diagnostic;
 use asperity_psychometrics::{Quest, Staircase};
 
 use crate::Answer;
-use crate::file::{Experiment, Method, Part};
+use crate::file::{Experiment, Part};
 use crate::log::Event;
+use crate::method::Method;
 use crate::plan::Trial;
 
 /// An adaptive method with its answers.

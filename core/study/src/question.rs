@@ -4,7 +4,8 @@ use asperity_diagnostics::ron::{Record, Value};
 use asperity_diagnostics::{Diagnostic, Place};
 use serde::{Deserialize, Serialize};
 
-use crate::file::{Part, Vary, fields, no_duplicates, variant, words};
+use crate::file::{Part, fields, no_duplicates, variant, words};
+use crate::method::Vary;
 
 /// A question.
 #[derive(Clone, Debug)]
@@ -125,9 +126,21 @@ pub(crate) fn distinct(questions: &[Question]) -> Result<(), Diagnostic> {
     no_duplicates(questions.iter().map(|q| (q.name.as_str(), &q.place)))
 }
 
-/// Refuses questions about several stimuli where a trial shows fewer.
+/// Refuses questions about several stimuli where a trial shows fewer or one twice, and entries that repeat.
 pub(crate) fn fit_shown(part: &Part, shown: &Value) -> Result<(), Diagnostic> {
     let fewest = part.show.iter().map(Vec::len).min().unwrap_or(0);
+    if let Some(twice) = (1..part.show.len()).find(|i| part.show[..*i].contains(&part.show[*i])) {
+        let what = format!("entry {} of `show` stands there twice", twice + 1);
+        return Err(shown.error(what).help("`repeats` says how often each is shown"));
+    }
+    let repeats = |kind: &Vec<usize>| (1..kind.len()).any(|i| kind[..i].contains(&kind[i]));
+    let names = |q: &&Question| matches!(q.kind, QuestionKind::Which | QuestionKind::Sliders { .. });
+    if let (Some(question), true) = (part.ask.iter().find(names), part.show.iter().any(repeats)) {
+        return Err(Diagnostic::new("a trial shows a stimulus twice: an answer cannot name one of them")
+            .at_place(&question.place)
+            .related(shown.source(), shown.span(), "shown here")
+            .help("`same(...)` or a scale"));
+    }
     for question in &part.ask {
         let (what, least) = match question.kind {
             QuestionKind::Which => ("which", 2),

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{Key, Kind, Value};
-use crate::{Diagnostic, Place, Source, Span, one_of};
+use crate::{Diagnostic, Place, Source, Span, nearest, one_of};
 
 impl Value {
     /// A value made by a program because of a position in a file. Errors point there, and paths are
@@ -213,11 +213,20 @@ impl<'v> Record<'v> {
         Some(&self.fields[i].1)
     }
 
-    /// A field that must be there. Error: the field is missing.
+    /// A field that must be there. Error: the field is missing, at a field of a similar name if there is one.
     pub fn required(&mut self, name: &str) -> Result<&'v Value, Diagnostic> {
         self.optional(name).ok_or_else(|| {
+            let missing = Diagnostic::new(format!("the field `{name}` is missing"));
+            let unread = || self.fields.iter().zip(&self.taken).filter(|(_, taken)| !**taken);
+            let similar = nearest(name, unread().map(|((key, _), _)| key.name.as_str()));
+            if let Some(((key, _), _)) = unread().find(|((key, _), _)| Some(key.name.as_str()) == similar) {
+                return missing
+                    .at(&self.value.source, key.span)
+                    .label(format!("did you mean `{name}`?"))
+                    .help(format!("write `{name}` here, or add `{name}: ...`"));
+            }
             let start = self.value.span.start;
-            Diagnostic::new(format!("the field `{name}` is missing"))
+            missing
                 .at(&self.value.source, Span { start, end: (start + 1).min(self.value.span.end) })
                 .label(format!("no `{name}` in here"))
                 .help(format!("add `{name}: ...`"))

@@ -36,8 +36,8 @@ const READ_ABILITY: &str = "\
     / (1 + exp(-d)) (Bradley and Terry 1952). The intervals have 95 % confidence. They take answers as \
     independent.";
 const READ_STAIRCASE: &str = "\
-    The threshold is the mean level of the last reversals (Levitt 1971). sd is the standard deviation of \
-    these reversals. Medians and quartiles are over people.";
+    The threshold is the mean level of the last reversals (Levitt 1971), a geometric mean for steps by \
+    ratios. sd is the standard deviation of these reversals. Medians and quartiles are over people.";
 const READ_QUEST: &str = "\
     The threshold is the mean of the posterior (Watson 2017). sd is the posterior's standard deviation. \
     Medians and quartiles are over people.";
@@ -453,16 +453,16 @@ fn thresholds(out: &mut String, of: &Thresholds) {
     } else {
         &["condition", "participant", "n", "reversals", "threshold", "sd"]
     };
+    // QUEST+ has none.
+    let turns = of.target.is_some();
+    let head: Vec<&str> = head.iter().copied().filter(|name| turns || *name != "reversals").collect();
     let mut grid = Grid::new(head);
     for (condition, one) in every() {
         let start = [condition, who(one), one.trials.len().to_string()];
         if !constant {
-            let rest = [
-                one.reversals.len().to_string(),
-                or_none(one.threshold, |x| digits(x, 4)),
-                or_none(one.sd, |x| digits(x, 3)),
-            ];
-            grid.row(start.into_iter().chain(rest));
+            let rest = [or_none(one.threshold, |x| digits(x, 4)), or_none(one.sd, |x| digits(x, 3))];
+            let turns = turns.then(|| one.reversals.len().to_string());
+            grid.row(start.into_iter().chain(turns).chain(rest));
             continue;
         }
         let interval = |i: asperity_psychometrics::Interval| {

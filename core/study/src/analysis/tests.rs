@@ -322,7 +322,7 @@ fn repeats_are_averaged_and_equal_means_tie() {
 fn poor_data_give_reasons_and_no_panic() {
     let none = "person: (spread: 0.0, between: 0.0),";
     let stairs =
-        "staircase(start: 4.0, floor: 0.01, ceiling: 10.0, steps: add(by: [0.5]), down: 1, trials: 3)";
+        "staircase(start: 4.0, floor: 0.01, ceiling: 10.0, steps: add(by: [0.5]), down: 1, trials: 11)";
     let which = "show: [(\"x\", \"y\")], ask: [which(name: \"w\", text: \"?\")],
         tests: [binomial(of: \"w\", chosen: \"x\"), bradley_terry(of: \"w\")],";
     let studies = [

@@ -4,7 +4,8 @@ use asperity_psychometrics::{Axis, Fit, Posterior, Quest, Row as Count, Shape, S
 use serde::Serialize;
 
 use super::{Summary, cells, levels_of, people, rows, summary};
-use crate::file::{Experiment, Method, Part};
+use crate::file::{Experiment, Part};
+use crate::method::Method;
 use crate::question::Question;
 use crate::table::{Row, Table};
 

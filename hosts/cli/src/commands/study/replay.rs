@@ -11,7 +11,7 @@ use asperity_live::{DeviceQueues, GraphController, HandInput, Player, prepare_li
 use asperity_study::Experiment;
 use asperity_study::log::{self, Event};
 
-use super::stimulus::{HAND, Loader, POSITION};
+use super::stimulus::{At, HAND, Loader, POSITION};
 use super::{COPY, inputs, run as session};
 use crate::failure::{Failure, clean, plural, print, warn, wrong};
 use crate::load::Loaded;
@@ -65,6 +65,7 @@ struct Showing<'e> {
 struct Change {
     tick: u64,
     trial: usize,
+    attempt: u32,
     place: Option<usize>,
     stimulus: Option<String>,
     level: Option<f64>,
@@ -150,9 +151,10 @@ fn showing(events: &[Event], trial: usize, attempt: Option<u32>) -> Result<Showi
 /// Changes of the stimulus before a tick.
 fn changes(session: &[Event], before: u64) -> Vec<Change> {
     let change = |event: &Event| match event {
-        Event::Stimulus { trial, place, stimulus, level, gain, tick, .. } => Some(Change {
+        Event::Stimulus { trial, attempt, place, stimulus, level, gain, tick, .. } => Some(Change {
             tick: *tick,
             trial: *trial,
+            attempt: *attempt,
             place: *place,
             stimulus: stimulus.clone(),
             level: *level,
@@ -277,7 +279,8 @@ impl Stage<'_> {
         let kind = experiment.shown(trial, stimulus);
         let vary = experiment.parts[trial.part].vary.as_ref().filter(|vary| vary.stimulus == stimulus);
         let vary = vary.zip(change.level).map(|(vary, level)| (vary.set.as_str(), level));
-        self.loader.load(&kind, vary, change.gain, change.place.map(|place| (change.trial, place)))
+        let Change { trial, attempt, gain, .. } = *change;
+        self.loader.load(&kind, vary, gain, change.place.map(|place| At { trial, attempt, place }))
     }
 }
 

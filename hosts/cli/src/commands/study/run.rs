@@ -22,7 +22,7 @@ use time::format_description::well_known::Rfc3339;
 
 use super::inputs::Inputs;
 use super::levels::Levels;
-use super::stimulus::{self, HAND, Loader, POSITION};
+use super::stimulus::{self, At, HAND, Loader, POSITION};
 use super::{COPY, check, experiment, logs};
 use crate::card::{self, DeviceArgs};
 use crate::commands::run::hands::Hands;
@@ -93,6 +93,10 @@ const MOST_BYTES: u64 = 64 << 20;
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
     let number = number(args)?;
+    if args.device.card.share {
+        let what = "a study shares its actuator with no other run";
+        return Err(wrong("--share", what, "leave it out: the log lacks what another run plays"));
+    }
     experiment.imbalances().iter().for_each(|told| warn(told));
     let (mut loader, others) = Loader::session(&experiment, &options(args), false)?;
     for stimulus in others {
@@ -261,8 +265,7 @@ type Key = Option<Playing>;
 /// A stimulus of a trial.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Playing {
-    trial: usize,
-    place: usize,
+    at: At,
     stimulus: usize,
     level: Option<f64>,
     gain: f64,
@@ -426,7 +429,7 @@ impl Stage {
             if !self.session.goes_on() {
                 let failed = view.condition == Condition::Failed;
                 let why = if failed { "the engine failed" } else { "the device is lost" };
-                let note = Event::Note { text: why.into(), trial: conduct.shown().map(|(trial, _)| trial) };
+                let note = Event::Note { text: why.into(), trial: conduct.shown().map(|step| step.number) };
                 append(log, path, &[self.unlogged(0, &view), vec![note]].concat())?;
                 return Err(Failure::Machine(format!("{why}; the same command goes on with this trial")));
             }
@@ -492,7 +495,7 @@ impl Stage {
 
     /// Marks a trial in which the graph failed or the device was lost.
     fn judge(&mut self, conduct: &mut Conduct<'_>, view: &View) {
-        let Some((number, _)) = conduct.shown() else {
+        let Some(number) = conduct.shown().map(|step| step.number) else {
             self.before = None;
             return;
         };
@@ -539,9 +542,11 @@ impl Stage {
             if let Some((_, key)) = self.sent.take_if(|(swap, _)| *swap == finished.number) {
                 let sample = u128::from(finished.tick) * u128::from(schedule.audio_hz);
                 let sample = (sample / u128::from(schedule.tick_hz)) as u64;
+                let of = key.or(self.now).map(|playing| playing.at);
                 events.push(Event::Stimulus {
-                    trial: key.or(self.now).map_or(0, |playing| playing.trial),
-                    place: key.map(|playing| playing.place),
+                    trial: of.map_or(0, |at| at.trial),
+                    attempt: of.map_or(0, |at| at.attempt),
+                    place: key.map(|playing| playing.at.place),
                     stimulus: key.map(|playing| experiment.stimuli[playing.stimulus].name.clone()),
                     level: key.and_then(|playing| playing.level),
                     gain: key.map_or(0.0, |playing| playing.gain),
@@ -555,28 +560,27 @@ impl Stage {
         let is_silent = self.session.run_control().muted() || view.condition == Condition::Starting;
         let felt = if is_silent { Vec::new() } else { conduct.felt() };
         let is_in_air = self.stylus_mm[2] >= 0.0;
-        let trial = conduct.shown().map(|(number, _)| number);
-        // The stimulus of another trial is felt no longer, even if the stylus stays down.
-        let is_over = !is_in_air && self.now.is_some_and(|now| Some(now.trial) != trial);
+        let shown = conduct.shown().map(|step| (step.number, step.attempt));
+        // The stimulus of another showing is felt no longer, even if the stylus stays down.
+        let is_over = !is_in_air && self.now.is_some_and(|now| Some((now.at.trial, now.at.attempt)) != shown);
         let may_change = felt.is_empty() || is_over || is_in_air;
         let felt = self.under_the_stylus(felt).filter(|_| !is_over);
-        let playing = |(trial, felt): (usize, &Felt)| Playing {
-            trial,
-            place: felt.place,
+        let playing = |((trial, attempt), felt): ((usize, u32), &Felt)| Playing {
+            at: At { trial, attempt, place: felt.place },
             stimulus: felt.stimulus,
             level: felt.vary.as_ref().map(|(_, level)| *level),
             gain: if stimulus::file_of(&felt.kind).is_some() { self.levels.gain(trial, felt) } else { 0.0 },
         };
-        let key = trial.zip(felt.as_ref()).map(playing);
+        let key = shown.zip(felt.as_ref()).map(playing);
         if key == self.now || self.sent.is_some() || !self.session.graph_controller().ready() {
             return Ok(events);
         }
         if self.waiting.as_ref().is_none_or(|(of, _)| *of != key) {
             let gain = key.map_or(0.0, |playing| playing.gain);
             let loaded = match (&felt, key) {
-                (Some(Felt { kind, vary, .. }), Some(Playing { trial, place, .. })) if gain != 0.0 => {
+                (Some(Felt { kind, vary, .. }), Some(Playing { at, .. })) if gain != 0.0 => {
                     let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-                    self.loader.load(kind, vary, gain, Some((trial, place)))?
+                    self.loader.load(kind, vary, gain, Some(at))?
                 }
                 _ => self.loader.quiet(experiment)?,
             };
@@ -603,7 +607,7 @@ impl Stage {
     /// The one of these stimuli at the stylus's place. In the strip between the sides, the one before.
     fn under_the_stylus(&self, mut felt: Vec<Felt>) -> Option<Felt> {
         let x = self.stylus_mm[0];
-        let before = |felt: &Felt| self.now.is_some_and(|now| now.place == felt.place);
+        let before = |felt: &Felt| self.now.is_some_and(|now| now.at.place == felt.place);
         let side = match (x < -MIDDLE_MM, x > MIDDLE_MM) {
             (true, _) => Side::Left,
             (_, true) => Side::Right,

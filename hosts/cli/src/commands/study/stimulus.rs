@@ -35,6 +35,17 @@ const CLIP: &str = "graphs/clip.ron";
 /// Prefix of the outputs that play masking noise; their channel follows.
 pub const MASK: &str = "masking output ";
 
+/// Where a stimulus is felt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct At {
+    /// Number of the trial.
+    pub trial: usize,
+    /// Times that the trial was shown before.
+    pub attempt: u32,
+    /// Place in the trial's order.
+    pub place: usize,
+}
+
 /// Loads the stimuli of a study, all of them for one hand and one sound card.
 pub struct Loader {
     /// Hand or recorded stroke that moves the stylus, and plugins.
@@ -99,14 +110,14 @@ impl Loader {
     }
 
     /// Loads a graph, a scene or a clip with a stimulus's settings. `vary`: the varied parameter with its
-    /// level. A gain of 0 is silence, also of forces, and not of the masking noise. `at`: the trial and place
-    /// where it is felt. In each it begins anew, with noise of its own.
+    /// level. A gain of 0 is silence, also of forces, and not of the masking noise. At each place of each
+    /// showing it begins anew, with noise of its own.
     pub fn load(
         &mut self,
         kind: &StimulusKind,
         vary: Option<(&str, f64)>,
         gain: f64,
-        at: Option<(usize, usize)>,
+        at: Option<At>,
     ) -> Result<Loaded, Failure> {
         let (path, file, set) = graph_of(kind)?;
         let args = GraphArgs { graph: path, ..self.args.clone() };
@@ -335,14 +346,15 @@ fn scale(graph: &mut GraphFile, registry: &Registry, gain: f64) -> Result<BTreeS
 
 /// Gives the nodes of a stimulus names of its own. So none goes on in another stimulus with other parameters:
 /// one is faded out whole while the other is faded in.
-fn set_apart(graph: &mut GraphFile, kept: &BTreeSet<String>, tag: u64, at: Option<(usize, usize)>) {
+fn set_apart(graph: &mut GraphFile, kept: &BTreeSet<String>, tag: u64, at: Option<At>) {
     let shared = |id: &String| kept.contains(id) || [HAND, PUSH, POSITION].contains(&id.as_str());
     for node in 0..graph.nodes.len() {
         let id = graph.nodes[node].id.clone();
         if !shared(&id) {
             rename(graph, node, &format!("{id} ({tag:016x})"));
             // Its noise does not depend on level and gain.
-            let seeded_as = at.map_or(id.clone(), |(trial, place)| format!("{id} {trial} {place}"));
+            let seeded_as = at
+                .map_or(id.clone(), |At { trial, attempt, place }| format!("{id} {trial} {attempt} {place}"));
             graph.nodes[node].seeded_as = Some(seeded_as);
         }
     }

@@ -1,0 +1,272 @@
+//! A parameter that varies from trial to trial, and how its levels are chosen.
+
+use asperity_diagnostics::ron::{Kind, Record, Value};
+use asperity_diagnostics::{Diagnostic, Place};
+use asperity_psychometrics::{
+    Axis, FitSettings, Function, Grid, Quest, QuestSettings, Shape, StaircaseSettings, Steps,
+};
+
+use crate::file::{Named, StimulusKind, variant, words};
+
+/// A parameter of a stimulus that varies from trial to trial.
+#[derive(Clone, Debug)]
+pub struct Vary {
+    /// Index of the stimulus.
+    pub stimulus: usize,
+    /// Setting, such as `strength.gain`.
+    pub set: String,
+    /// How levels are chosen.
+    pub method: Method,
+    /// Its place in the file.
+    pub place: Place,
+}
+
+/// Choice of levels.
+#[derive(Clone, Debug)]
+pub enum Method {
+    /// Up and down with the answers.
+    Staircase(StaircaseSettings),
+    /// The most informative level.
+    Quest(QuestSettings),
+    /// Fixed levels, each several times, and a fitted function.
+    Constant {
+        /// Levels.
+        levels: Vec<f64>,
+        /// Trials of each.
+        each: u32,
+        /// Shape of the function.
+        fit: FitSettings,
+    },
+}
+
+impl Vary {
+    pub(crate) fn read(value: &Value, named: Named<'_>) -> Result<Self, Diagnostic> {
+        let mut record = value.record("Vary")?;
+        let of = record.required("stimulus")?;
+        let stimulus = named.stimulus(of)?;
+        if !matches!(named.stimuli[stimulus].kind, StimulusKind::Graph { .. }) {
+            return Err(of.error("this stimulus has no parameters").help("name one of kind `graph(...)`"));
+        }
+        let set = words(record.required("set")?)?;
+        let by = record.required("by")?;
+        let name = variant(by, &["staircase", "quest", "constant"])?;
+        let mut fields = by.record(name)?;
+        let method = match name {
+            "staircase" => Method::Staircase(staircase(&mut fields)?),
+            "quest" => Method::Quest(quest(&mut fields)?),
+            _ => constant(&mut fields)?,
+        };
+        fields.finish()?;
+        let refused = match &method {
+            Method::Staircase(settings) => settings.check().err(),
+            Method::Quest(settings) => Quest::new(settings.clone()).err(),
+            Method::Constant { .. } => None,
+        };
+        if let Some(why) = refused {
+            return Err(at_its_field(by, why));
+        }
+        record.finish()?;
+        Ok(Self { stimulus, set, method, place: value.place() })
+    }
+}
+
+/// A refusal of settings, at the field that it begins with: `` `start` is 1: ... ``.
+fn at_its_field(value: &Value, why: String) -> Diagnostic {
+    let path = why.strip_prefix('`').and_then(|rest| rest.split_once('`')).map_or("", |(path, _)| path);
+    let within = |value: &Value, name: &str| match value.kind() {
+        Kind::Record { fields, .. } => {
+            fields.iter().find(|(key, _)| key.name == name).map(|(_, value)| value.clone())
+        }
+        _ => None,
+    };
+    let mut at = value.clone();
+    for name in path.split('.') {
+        let Some(inner) = within(&at, name) else { break };
+        at = inner;
+    }
+    at.error(why)
+}
+
+fn staircase(record: &mut Record<'_>) -> Result<StaircaseSettings, Diagnostic> {
+    let listed = record.required("steps")?;
+    let name = variant(listed, &["add", "multiply"])?;
+    let mut sizes = listed.record(name)?;
+    let by = numbers(sizes.required("by")?)?;
+    sizes.finish()?;
+    Ok(StaircaseSettings {
+        start: record.required("start")?.f64()?,
+        floor: record.required("floor")?.f64()?,
+        ceiling: record.required("ceiling")?.f64()?,
+        steps: if name == "add" { Steps::Add { by } } else { Steps::Multiply { by } },
+        down: count(record.required("down")?)?,
+        up: record.optional("up").map_or(Ok(1), count)?,
+        up_over_down: record.optional("up_over_down").map_or(Ok(1.0), Value::f64)?,
+        trials: count(record.required("trials")?)?,
+        reversals: record.optional("reversals").map(count).transpose()?,
+        average: record.optional("average").map_or(Ok(10), count)?,
+    })
+}
+
+fn quest(record: &mut Record<'_>) -> Result<QuestSettings, Diagnostic> {
+    let one = |value: f64| Ok(Grid::Values { of: vec![value] });
+    Ok(QuestSettings {
+        shape: record.optional("shape").map_or(Ok(Shape::Weibull), shape)?,
+        axis: record.optional("axis").map_or(Ok(Axis::Linear), axis)?,
+        levels: grid(record.required("levels")?)?,
+        threshold: grid(record.required("threshold")?)?,
+        slope: grid(record.required("slope")?)?,
+        guess: record.optional("guess").map_or_else(|| one(0.5), grid)?,
+        lapse: record.optional("lapse").map_or_else(|| one(0.02), grid)?,
+        trials: count(record.required("trials")?)?,
+        threshold_sd: record.optional("threshold_sd").map(Value::f64).transpose()?,
+    })
+}
+
+fn constant(record: &mut Record<'_>) -> Result<Method, Diagnostic> {
+    let listed = record.required("levels")?;
+    let levels = numbers(listed)?;
+    let each = record.required("each")?.i64_in(1..=1000, "trials")? as u32;
+    let fit = record.optional("fit").map_or(Ok(FitSettings::default()), fit)?;
+    if levels.len() < 2 {
+        return Err(listed.error("a function needs two levels at least"));
+    }
+    if let Some(twice) = (1..levels.len()).find(|i| levels[..*i].contains(&levels[*i])) {
+        let what = format!("the level {} stands twice", levels[twice]);
+        return Err(listed.list()?[twice].error(what).help("`each` says how often a level is shown"));
+    }
+    Ok(Method::Constant { levels, each, fit })
+}
+
+fn fit(value: &Value) -> Result<FitSettings, Diagnostic> {
+    let mut record = value.record("Fit")?;
+    let usual = FitSettings::default();
+    let lapse = record.optional("lapse").map_or(Ok(usual.lapse), |v| v.f64_in(0.0..=0.99, ""))?;
+    let settings = FitSettings {
+        shape: shape(record.required("shape")?)?,
+        axis: axis(record.required("axis")?)?,
+        guess: record.required("guess")?.f64_in(0.0..=0.99, "")?,
+        lapse,
+        lapse_up_to: record.optional("lapse_up_to").map(|v| v.f64_in(lapse..=0.99, "")).transpose()?,
+        confidence: record
+            .optional("confidence")
+            .map_or(Ok(usual.confidence), |v| v.f64_in(0.5..=0.999, ""))?,
+    };
+    record.finish()?;
+    Ok(settings)
+}
+
+/// The psychometric function of a simulated person.
+pub(crate) fn function(value: &Value) -> Result<Function, Diagnostic> {
+    let mut record = value.record("Function")?;
+    let function = Function {
+        shape: shape(record.required("shape")?)?,
+        axis: axis(record.required("axis")?)?,
+        threshold: record.required("threshold")?.f64()?,
+        slope: record.required("slope")?.f64()?,
+        guess: record.required("guess")?.f64()?,
+        lapse: record.required("lapse")?.f64()?,
+    };
+    record.finish()?;
+    function.check().map_err(|why| at_its_field(value, why))?;
+    Ok(function)
+}
+
+fn shape(value: &Value) -> Result<Shape, Diagnostic> {
+    Ok(match value.choice(&["weibull", "logistic", "gaussian"])? {
+        "logistic" => Shape::Logistic,
+        "gaussian" => Shape::Gaussian,
+        _ => Shape::Weibull,
+    })
+}
+
+fn axis(value: &Value) -> Result<Axis, Diagnostic> {
+    Ok(match value.choice(&["linear", "log10", "decibel"])? {
+        "log10" => Axis::Log10,
+        "decibel" => Axis::Decibel,
+        _ => Axis::Linear,
+    })
+}
+
+/// Values of a parameter: a number alone, or a grid.
+fn grid(value: &Value) -> Result<Grid, Diagnostic> {
+    if matches!(value.kind(), Kind::Int(_) | Kind::Float(_)) {
+        return Ok(Grid::Values { of: vec![value.f64()?] });
+    }
+    let name = variant(value, &["values", "linear", "logarithmic"])?;
+    let mut record = value.record(name)?;
+    let grid = if name == "values" {
+        Grid::Values { of: numbers(record.required("of")?)? }
+    } else {
+        let (from, to) = (record.required("from")?.f64()?, record.required("to")?.f64()?);
+        let count = count(record.required("count")?)?;
+        if name == "linear" {
+            Grid::Linear { from, to, count }
+        } else {
+            Grid::Logarithmic { from, to, count }
+        }
+    };
+    record.finish()?;
+    Ok(grid)
+}
+
+fn numbers(value: &Value) -> Result<Vec<f64>, Diagnostic> {
+    value.list()?.iter().map(Value::f64).collect()
+}
+
+fn count(value: &Value) -> Result<u32, Diagnostic> {
+    value.i64_in(0..=1_000_000, "").map(|n| n as u32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{parse, text};
+
+    /// A part that varies a parameter by a method.
+    fn varied(by: &str) -> Result<Method, Diagnostic> {
+        let part = format!(
+            "show: [(\"x\", \"z\")], ask: [which(name: \"w\", text: \"?\")],
+             vary: (stimulus: \"z\", set: \"a.b\", by: {by})"
+        );
+        parse(&text("", &part)).map(|study| study.parts[0].vary.clone().expect("it varies").method)
+    }
+
+    const QUEST: &str = "quest(levels: logarithmic(from: 0.1, to: 1, count: 9),
+        threshold: linear(from: 0.2, to: 0.9, count: 9), slope: 3.5, trials: 60)";
+    const STAIRS: &str =
+        "staircase(start: 2, floor: 1, ceiling: 3, steps: multiply(by: [2, 1.5]), down: 2, trials: 30)";
+
+    /// Each mistake, a part of its message, and the text that it points at.
+    #[test]
+    fn mistakes_in_methods_are_refused_where_they_stand() {
+        for (good, from, to, message, at) in [
+            (QUEST, "slope: 3.5", "slope: \"a\"", "has no kind", "\"a\""),
+            (QUEST, "slope: 3.5", "slope: 0", "`slope` is 0", "0"),
+            (QUEST, "from: 0.2", "from: 2", "`threshold.to` is 0.9", "0.9"),
+            (QUEST, "trials: 60", "trials: 0", "`trials` is 0", "0"),
+            (QUEST, "trials: 60", "trials: 60, gues: 0", "unknown field `gues`", "gues"),
+            (QUEST, "trials: 60", "trials: 60, guess: 1.5", "`guess` is 1.5", "1.5"),
+            (QUEST, "trials: 60", "trials: 60, shape: normal", "unknown choice `normal`", "normal"),
+            (STAIRS, "floor", "flor", "the field `floor` is missing", "flor"),
+            (STAIRS, "[2, 1.5]", "[]", "`steps` is empty", "multiply(by: [])"),
+            (STAIRS, "trials: 30", "trials: 15", "use 16 or more", "15"),
+            (STAIRS, "down: 2", "down: -1", "-1 is out of range", "-1"),
+            ("constant(levels: [1, 2], each: 3)", "2]", "2, 1]", "the level 1 stands twice", "1"),
+            ("constant(levels: [1, 2], each: 3)", ", 2]", "]", "two levels at least", "[1]"),
+        ] {
+            assert!(good.contains(from) && varied(good).is_ok(), "{good}");
+            let error = varied(&good.replacen(from, to, 1)).unwrap_err();
+            assert!(error.to_string().contains(message), "{error}\nwanted {message}");
+            let place = error.place.expect("a place");
+            assert_eq!(&place.source.text()[place.span.start..place.span.end], at, "{message}");
+        }
+    }
+
+    #[test]
+    fn number_alone_is_a_grid_of_one() {
+        let with = QUEST.replace("trials: 60", "trials: 60, guess: 0, lapse: 0.05");
+        let Method::Quest(settings) = varied(&with).unwrap() else { panic!("QUEST+") };
+        let one = |x| Grid::Values { of: vec![x] };
+        assert_eq!((settings.guess, settings.lapse, settings.slope), (one(0.0), one(0.05), one(3.5)));
+    }
+}
