@@ -47,7 +47,7 @@ impl Engine {
         Self { state: Mutex::new(state), python, rate, tick_hz }
     }
 
-    /// The state. A lock that waits with the GIL could wait for ever.
+    /// The state. Waiting for it with the GIL could deadlock.
     fn state(&self) -> PyResult<MutexGuard<'_, State>> {
         self.state.try_lock().map_err(|_| PyRuntimeError::new_err("this engine is in a tick already"))
     }

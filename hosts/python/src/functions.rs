@@ -7,6 +7,7 @@ use asperity_autoregressive::fit::{Criterion, Order, Recording, Settings};
 use asperity_diagnostics::{Diagnostic, Source, one_of};
 use asperity_offline::failure::{Failure, json, wrong};
 use asperity_offline::shipped;
+use asperity_study::log;
 use asperity_texture::Library;
 use asperity_tradeoff::{Budget, Figure, Results};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
@@ -67,6 +68,13 @@ pub fn fit_ar(
         Ok((TextureFile { description, origin, texture }.to_ron()?, seconds, models, order))
     })
     .map_err(|e: Diagnostic| raise(&e.into()))
+}
+
+/// Events of a participant's log in a study, as JSON.
+#[pyfunction]
+pub fn study_log(path: PathBuf) -> PyResult<String> {
+    let events = log::read(&path).map_err(Failure::from).and_then(|events| json(&events));
+    events.map_err(|e| raise(&e))
 }
 
 /// Results of a trade-off: a folder, its results.json, or the shipped ones.

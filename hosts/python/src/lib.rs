@@ -34,7 +34,7 @@ mod _asperity {
     #[pymodule_export]
     use super::felt::Felt;
     #[pymodule_export]
-    use super::functions::{choose, fit_ar, materials, tradeoff, version};
+    use super::functions::{choose, fit_ar, materials, study_log, tradeoff, version};
     #[pymodule_export]
     use super::graph::Graph;
     #[pymodule_export]

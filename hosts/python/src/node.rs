@@ -1,6 +1,6 @@
 //! Kinds of nodes that are Python classes.
 //!
-//! A node's arrays belong to Python and live as long as it likes; each call copies a tick's values into them
+//! A node's arrays belong to Python. Each call copies a tick's values into them
 //! and out again. Views of the engine's own memory would dangle in whoever keeps one. A phase node's copy
 //! takes less than 0.1 us.
 

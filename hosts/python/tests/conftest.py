@@ -1,4 +1,4 @@
-"""What several tests need: the program, the shipped graphs, a stroke."""
+"""Shared by the tests: the program, the shipped graphs, a stroke."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Run = Callable[..., str]
 
 @pytest.fixture
 def program() -> Run:
-    """Run the program, and answer what it prints."""
+    """Run the program, and answer its standard output."""
     path = os.environ.get("ASPERITY_PROGRAM")
     if not path:
         pytest.skip("ASPERITY_PROGRAM does not name the program `asperity`")

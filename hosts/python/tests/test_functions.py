@@ -82,3 +82,18 @@ def test_shipped_tradeoff_and_choice_are_those_of_the_program(program: Run) -> N
     assert asperity.choose(budget_us=1e-3) is None
     with pytest.raises(asperity.Error, match="no figure `beauty`"):
         asperity.choose(by=["beauty"])
+
+
+def test_log_of_a_study_is_read(tmp_path: Path) -> None:
+    begin = {
+        "event": "begin", "study": "rough or not", "participant": "p1", "number": 1, "version": "0.1.0",
+        "files": [["experiment.ron", "00"]], "at": "2026-01-01T00:00:00Z",
+    }  # fmt: skip
+    log = tmp_path / "p1.jsonl"
+    log.write_text("\n".join(json.dumps(e) for e in (begin, {"event": "shown", "trial": 0})) + "\n{torn")
+    events = asperity.study_log(log)
+    assert [event["event"] for event in events] == ["begin", "shown"]
+    assert events[0]["participant"] == "p1"
+    log.write_text("no event\n")
+    with pytest.raises(asperity.Error, match="line 1 is no event"):
+        asperity.study_log(log)

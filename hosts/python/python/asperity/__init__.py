@@ -7,7 +7,7 @@ the ways to do so. Arrays are NumPy's. Errors are `Error`; its text has file, li
 
 from . import accuracy
 from ._asperity import AsperityWarning, Engine, Error, version
-from ._functions import ArTexture, Material, choose, fit_ar, materials, tradeoff
+from ._functions import ArTexture, Material, choose, fit_ar, materials, study_log, tradeoff
 from ._graph import Felt, Graph, Signal, render
 from ._node import Port, Setup, Tick, node
 from ._phase import Comparison, compare, invert
@@ -35,5 +35,6 @@ __all__ = [
     "materials",
     "node",
     "render",
+    "study_log",
     "tradeoff",
 ]

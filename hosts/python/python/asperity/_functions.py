@@ -120,6 +120,22 @@ def fit_ar(
     return ArTexture(*found)
 
 
+def study_log(path: str | os.PathLike[str]) -> list[dict[str, Any]]:
+    """Read what a study logged of a participant.
+
+    Parameters
+    ----------
+    path
+        The participant's log in the folder of ``asperity study run``.
+
+    Returns
+    -------
+    Its events in their order. The key ``event`` names the kind of each: ``begin``, ``answered`` and more.
+    """
+    events: list[dict[str, Any]] = json.loads(_asperity.study_log(os.fspath(path)))
+    return events
+
+
 def tradeoff(results: str | os.PathLike[str] | None = None) -> Any:
     """Read the results of a trade-off as a data frame of pandas: a row for each setting.
 

@@ -67,9 +67,9 @@ class Tick:
     start: int | None
     """First sample of that frame."""
     inputs: dict[str, Any]
-    """Arrays by name: what comes in."""
+    """Arrays by name."""
     outputs: dict[str, Any]
-    """Arrays by name: write what goes out, as in ``tick.outputs["signal"][:] = y``."""
+    """Arrays by name, to be written, as in ``tick.outputs["signal"][:] = y``."""
 
     def __init__(self, inputs: dict[str, Any], outputs: dict[str, Any]) -> None:
         self.index = 0
