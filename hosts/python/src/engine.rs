@@ -9,6 +9,7 @@ use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
+use crate::error::raise_interrupt;
 use crate::graph::Ready;
 use crate::node::{Kind, tell};
 use crate::values::Values;
@@ -109,6 +110,7 @@ impl Engine {
             PyArray1::from_vec(py, all).reshape([rows, channels.len()])?.into_any()
         };
         drop(state);
+        raise_interrupt()?;
         tell(py, &self.python)?;
         Ok(answer)
     }

@@ -23,7 +23,7 @@ pub fn warn(message: &str) {
     Python::attach(|py| {
         let warned = || {
             let warnings = py.import(intern!(py, "warnings"))?;
-            warnings.call_method1(intern!(py, "warn"), (message, py.get_type::<AsperityWarning>(), 3))
+            warnings.call_method1(intern!(py, "warn"), (message, py.get_type::<AsperityWarning>(), 2))
         };
         // A user may turn warnings into errors, and nobody here can raise one.
         if let Err(e) = warned() {
@@ -38,6 +38,19 @@ static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 /// Notes that a node's Python code was interrupted: whoever runs the graph ends.
 pub fn interrupted() {
     INTERRUPTED.store(true, Relaxed);
+}
+
+/// Whether a node's Python code was interrupted, and nobody has raised that yet.
+pub fn is_interrupted() -> bool {
+    INTERRUPTED.load(Relaxed)
+}
+
+/// Raises the interruption of a node's Python code.
+///
+/// # Errors
+/// Ctrl-C.
+pub fn raise_interrupt() -> PyResult<()> {
+    if INTERRUPTED.swap(false, Relaxed) { Err(PyKeyboardInterrupt::new_err(())) } else { Ok(()) }
 }
 
 /// Watches a long call without the GIL: lets Ctrl-C end it, and shows how far it is.
@@ -66,9 +79,7 @@ impl Watch {
         }
         self.looked = Instant::now();
         Python::attach(|py| {
-            if INTERRUPTED.swap(false, Relaxed) {
-                return Err(PyKeyboardInterrupt::new_err(()));
-            }
+            raise_interrupt()?;
             py.check_signals()?;
             self.progress.as_ref().map_or(Ok(()), |call| call.call1(py, (done, of)).map(drop))
         })

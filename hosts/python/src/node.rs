@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PySlice};
 use pyo3::{IntoPyObjectExt, intern};
 
-use crate::error::{AsperityWarning, interrupted};
+use crate::error::{AsperityWarning, interrupted, is_interrupted};
 
 /// Largest number of a parameter, either sign.
 const MOST: f64 = 1e12;
@@ -149,7 +149,7 @@ pub fn tell(py: Python<'_>, kinds: &[Py<Kind>]) -> PyResult<()> {
         let times = if times == 1 { "once".to_owned() } else { format!("{times} times; the first time") };
         let message = format!("`{}` raised an exception {times}:\n{text}", class.kind);
         let warnings = py.import(intern!(py, "warnings"))?;
-        warnings.call_method1(intern!(py, "warn"), (message, py.get_type::<AsperityWarning>(), 3))?;
+        warnings.call_method1(intern!(py, "warn"), (message, py.get_type::<AsperityWarning>(), 2))?;
     }
     Ok(())
 }
@@ -311,7 +311,7 @@ impl Node {
     /// Keeps an exception until `tell` warns of it.
     fn keep(&self, py: Python<'_>, e: &PyErr) {
         if e.is_instance_of::<PyKeyboardInterrupt>(py) {
-            interrupted();
+            return interrupted();
         }
         if let Ok(mut raised) = self.class.raised.lock() {
             match &mut *raised {
@@ -324,6 +324,10 @@ impl Node {
 
 impl Processor for Node {
     fn process(&mut self, tick: &mut Tick<'_>) -> Status {
+        // After Ctrl-C, the rest of a long run takes no time.
+        if is_interrupted() {
+            return Status::Error(RAISED);
+        }
         Python::attach(|py| match self.call(py, tick) {
             Ok(()) => Status::Continue,
             Err(e) => {
@@ -359,7 +363,8 @@ fn make(
             ParamValue::Number(x) => x.into_py_any(py)?,
             ParamValue::Integer(x) => x.into_py_any(py)?,
             ParamValue::Flag(x) => x.into_py_any(py)?,
-            other => other.to_string().trim_matches('"').into_py_any(py)?,
+            ParamValue::Text(x) => x.into_py_any(py)?,
+            other => other.to_string().into_py_any(py)?,
         };
         object.setattr(py, name.as_str(), value)?;
     }

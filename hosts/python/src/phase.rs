@@ -36,6 +36,7 @@ pub fn invert<'py>(
     let bins = magnitudes.as_array().ncols();
     let values: Vec<f32> = magnitudes.as_array().iter().copied().collect();
     let scale = if scale == "dft" { Scale::Dft } else { Scale::Amplitude };
+    let mut watch = Watch::new(None);
     let played = py.detach(|| -> Result<_, Failure> {
         check_rate(&format!("rate={rate}"), rate)?;
         let registry = registry(&kinds)?;
@@ -45,6 +46,7 @@ pub fn invert<'py>(
         }
         Method::parse(phase, &registry)?.play(&registry, &Arc::new(frames), seed, &NoClock, |_| {})
     });
+    watch.look(1, 1)?;
     tell(py, &kinds)?;
     let played = played.map_err(|e| raise(&e))?;
     Ok((played.signal.into_pyarray(py), played.faults))

@@ -42,10 +42,16 @@ def test_render_gives_the_bytes_of_the_program(
 
 
 def test_settings_probes_and_report_are_those_of_the_program(
-    program: Run, graphs: Path, stroke: NDArray[np.float64], tmp_path: Path
+    program: Run,
+    graphs: Path,
+    stroke: NDArray[np.float64],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    # The program writes the files of probes into its working directory alone.
+    monkeypatch.chdir(tmp_path)
     csv = write_csv(tmp_path / "stroke.csv", stroke)
-    files = {name: tmp_path / f"{name}.npy" for name in ("floor.force", "texture", "stylus.position")}
+    files = {name: Path(f"{name}.npy") for name in ("floor.force", "texture", "stylus.position")}
     probes = [part for name, file in files.items() for part in ("--probe", f"{name}={file}")]
     settings = ["--set", "texture.material=oak", "--set", "motion.cutoff_hz=30"]
     report = tmp_path / "report.json"

@@ -86,16 +86,16 @@ class Felt(Mapping[str, Signal]):
         """
         import matplotlib.pyplot as plt
 
-        rows = (["output"] if self.audio.size else []) + list(self)
+        count = int(self.audio.size > 0) + len(self)
         figure, axes = plt.subplots(
-            max(len(rows), 1), squeeze=False, sharex=True, layout="constrained", figsize=(9, 1 + 2 * len(rows))
+            max(count, 1), squeeze=False, sharex=True, layout="constrained", figsize=(9, 1 + 2 * count)
         )
-        for name, axis in zip(rows, axes[:, 0]):
-            if name == "output" and name not in self:
-                axis.plot(np.arange(len(self.audio)) / self.rate, self.audio, linewidth=0.5)
-                axis.set_ylabel("output")
-                continue
-            signal = self[name]
+        left = iter(axes[:, 0])
+        if self.audio.size:
+            axis = next(left)
+            axis.plot(np.arange(len(self.audio)) / self.rate, self.audio, linewidth=0.5)
+            axis.set_ylabel("output")
+        for (name, signal), axis in zip(self.items(), left):
             if signal.bin_hz and len(signal):
                 level = 20 * np.log10(np.maximum(np.abs(np.asarray(signal)).T, 1e-6))
                 edges = np.arange(level.shape[0]) * signal.bin_hz
