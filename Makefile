@@ -150,7 +150,8 @@ pictures: setup
 	    --device simulated:plant=hapcoil_one,plant_handle_g=60,plant_noise=0.3,latency=431 \
 	    --handle-mass-g 60 --accelerometer-full-scale 100 --out $(OUT)/found.ron --plot docs/calibrate.svg
 	$(CARGO) bench --profile release -p asperity --bench rhythm -- --svg $(abspath docs)/pulses.svg
-	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test --workspace $(WITHOUT) --test it picture_of_a_fit
+	ASPERITY_PICTURES=$(abspath docs) $(CARGO) test --workspace $(WITHOUT) --test it -- \
+	    picture_of_a_fit study_of_the_docs
 
 # And that of a run: the page in a browser while a pen strokes.
 live-pictures: setup-tests

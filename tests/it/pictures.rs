@@ -64,7 +64,8 @@ fn every_picture_in_the_docs_is_drawn_by_make() {
 }
 
 fn is_drawn_by_a_test(name: &str) -> bool {
-    name == "autoregressive.svg" && makefile().contains("picture_of_a_fit")
+    let drawn_by = if name.starts_with("studies_") { "study_of_the_docs" } else { "picture_of_a_fit" };
+    (name.starts_with("studies_") || name == "autoregressive.svg") && makefile().contains(drawn_by)
 }
 
 /// `make demo` and the README's picture once showed the paper's chain, which is the comparison.

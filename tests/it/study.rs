@@ -128,6 +128,10 @@ fn bad_study_files_are_refused_with_places() {
     }
     dir.write("s.ron", study("", RATE).replace("texture.material\": \"oak", "texture.material\": \"oakk"));
     dir.run("study check s.ron").refused("no material `oakk`").says(&["for the stimulus `oak`", "`oak`"]);
+    dir.write("s.ron", study("", RATE).replace("graphs/texture.ron", "gone.ron"));
+    dir.run("study check s.ron")
+        .refused("gone.ron: error: cannot read")
+        .says(&["for the stimulus `oak` at s.ron:3:"]);
     dir.write(
         "s.ron",
         study("", RATE).replace("\"texture.material\": \"oak\"", "\"textur.material\": \"oak\""),
@@ -152,7 +156,7 @@ fn unbalanced_study_says_so() {
 }
 
 #[test]
-fn study_of_the_docs_runs() {
+fn study_of_the_docs_runs_and_its_pictures_are_fresh() {
     let dir = Room::new();
     let page = std::fs::read_to_string(harness::root().join("docs/studies.md")).unwrap();
     let (_, rest) = page.split_once("```ron\n").expect("a study");
@@ -164,6 +168,19 @@ fn study_of_the_docs_runs() {
     dir.run("study analyse out").ok();
     let report = std::fs::read_to_string(dir.join("out/REPORT.md")).unwrap();
     assert!(report.contains("PSE") && report.contains("JND"), "{report}");
+    // Its picture, and those of the paper's study, are as the docs show them.
+    dir.run("study simulate graphs/studies/heravi2024.ron --runs 1 --out paper").ok();
+    dir.run("study analyse paper").ok();
+    for (drawn, shown) in [
+        ("out/pictures/1-1-stronger-functions.svg", "studies_functions.svg"),
+        ("paper/pictures/2-1-similarity-boxes.svg", "studies_boxes.svg"),
+        ("paper/pictures/3-1-closer-shares.svg", "studies_shares.svg"),
+        ("paper/pictures/4-1-rough-boxes.svg", "studies_adjective.svg"),
+        ("paper/pictures/5-1-similarity-matrix-1.svg", "studies_matrix.svg"),
+    ] {
+        std::fs::copy(dir.join(drawn), dir.join(shown)).unwrap();
+        crate::pictures::is_fresh(&dir, shown);
+    }
 }
 
 /// A tone that a stylus on a surface lets through, as an acceleration.

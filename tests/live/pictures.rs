@@ -80,7 +80,7 @@ const STUDY: &str = r#"Experiment(version: 1, title: "Virtual and real textures"
                 high: "the same")]),
     ],
     survey: [
-        scale(name: "hard", text: "How hard was it?", from: 1, to: 5, low: "very easy", high: "very hard"),
+        scale(name: "hard", text: "How hard was it?", from: 1, to: 7, low: "very easy", high: "very hard"),
         text(name: "how", text: "How did you decide?"),
     ],
 )"#;
@@ -98,13 +98,14 @@ fn pictures_of_a_study() {
     let folder = harness::root().join("target/page");
     std::fs::create_dir_all(&folder).expect("a folder");
     let mut shots = Vec::new();
-    let mut shoot = |browser: &mut Chromium, name: String| {
+    let shoot = |shots: &mut Vec<(String, image::RgbImage)>, browser: &mut Chromium, name: String| {
         if shots.iter().any(|(known, _)| *known == name) {
             return;
         }
         let file = folder.join("screen.png");
         browser.picture_while(&file, |_| {});
-        shots.push((name, image::open(&file).expect("a picture").to_rgb8()));
+        let shot = image::open(&file).expect("a picture").to_rgb8();
+        shots.push((name, image::imageops::thumbnail(&shot, SCREEN[0], SCREEN[1])));
     };
     let look = Look { width: SCREEN[0], height: SCREEN[1], dark: false };
     for has_pad in [false, true] {
@@ -114,15 +115,19 @@ fn pictures_of_a_study() {
             browser.open(screen.url());
         }
         for presses in 0.. {
-            assert!(presses < 60, "it never ends");
+            assert!(
+                presses < 60,
+                "it never ends: {:?}",
+                shots.iter().map(|(name, _)| name).collect::<Vec<_>>()
+            );
             settled(&mut page);
             let now = state(&mut page);
             let kinds =
                 page.eval("[...document.querySelectorAll('.question')].map((q) => q.className).join()");
             if !has_pad {
-                shoot(&mut page, format!("{now} {kinds}"));
+                shoot(&mut shots, &mut page, format!("{now} {kinds}"));
             } else if now == "explore" && kinds != "" {
-                shoot(&mut page, "pad".into());
+                shoot(&mut shots, &mut page, "pad".into());
                 break;
             }
             if now == "end" {
@@ -130,8 +135,10 @@ fn pictures_of_a_study() {
             }
             if now == "wait" {
                 desk.until("!document.querySelector('#ready').disabled");
-                let mounts = desk.eval("document.querySelector('#mounts').children.length > 0");
-                shoot(&mut desk, format!("experimenter {mounts}"));
+                // The experimenter's page asks for its state and follows a little later.
+                std::thread::sleep(Duration::from_millis(300));
+                let asks = desk.eval("document.querySelector('#waits').textContent");
+                shoot(&mut shots, &mut desk, format!("experimenter {asks}"));
                 types(&mut desk, "r");
                 page.until("document.body.dataset.state !== 'wait'");
                 continue;

@@ -21,6 +21,7 @@ const STUDY: &str = r#"Experiment(version: 1, title: "Hidden title", participant
         "Network": graph(file: "net.ron"),
         "Genuine": real(mount: "{texture}"),
         "Nothing": silence,
+        "Emptiness": silence,
     },
     words: {"language": "de", "next": "Weiter", "right": "Rechts", "lost": "Keine Verbindung."},
     parts: [
@@ -31,7 +32,7 @@ const STUDY: &str = r#"Experiment(version: 1, title: "Hidden title", participant
             which(name: "closer", text: "Was ist näher?"),
             same(name: "same", text: "Gleich?"),
         ]),
-        (name: "worth", show: [("Network", "Nothing", "Nothing")], sides: fixed, ask: [
+        (name: "worth", show: [("Network", "Nothing", "Emptiness")], sides: fixed, ask: [
             sliders(name: "good", text: "Wie gut?", low: "schlecht", high: "gut"),
             text(name: "why", text: "Warum?"),
         ]),
@@ -39,8 +40,18 @@ const STUDY: &str = r#"Experiment(version: 1, title: "Hidden title", participant
     survey: [scale(name: "hard", text: "Wie schwer?", from: 0, to: 10, low: "leicht", high: "schwer")],
 )"#;
 /// Names that the participant must not see.
-const HIDDEN: [&str; 10] = [
-    "Network", "Genuine", "Nothing", "oakwood", "Hidden", "warmup", "likeness", "worth", "net.ron", "closer",
+const HIDDEN: [&str; 11] = [
+    "Network",
+    "Genuine",
+    "Nothing",
+    "Emptiness",
+    "oakwood",
+    "Hidden",
+    "warmup",
+    "likeness",
+    "worth",
+    "net.ron",
+    "closer",
 ];
 
 /// A session whose host does what people press.
@@ -110,7 +121,7 @@ pub(crate) fn state(browser: &mut Chromium) -> String {
 /// Waits until the participant's page takes presses, or has nothing to press.
 pub(crate) fn settled(browser: &mut Chromium) {
     browser.until(
-        "!!document.body.dataset.state && !document.querySelector('#fields').disabled && \
+        "!!document.body?.dataset.state && !document.querySelector('#fields').disabled && \
          (document.querySelector('#go').hidden || !document.querySelector('#go').disabled)",
     );
 }
@@ -206,7 +217,7 @@ fn session_by_keys_alone_logs_every_answer() {
     assert_eq!(all.len(), 2 * 3 + 2 + 1, "{all:?}");
     assert_eq!(count(|answer| *answer == Answer::Number(7)), 3);
     assert_eq!(count(|answer| *answer == Answer::Same(false)), 2);
-    let numbers = [("Network", 51.0), ("Nothing", 60.0), ("Nothing", 49.0)];
+    let numbers = [("Network", 51.0), ("Nothing", 60.0), ("Emptiness", 49.0)];
     let numbers = numbers.map(|(name, x)| (name.to_owned(), x)).into();
     assert!(all.contains(&Answer::Numbers(numbers)) && all.contains(&Answer::Text("wa".into())), "{all:?}");
     assert_eq!(log.last(), Some(&Event::End));
@@ -348,8 +359,8 @@ fn chosen_place_is_marked_and_answers_stay() {
     page.until(&format!("{MARKED} === 'B60'"));
     // A loaded page shows the same trial with the same place. What was not sent is gone.
     page.eval("location.reload()");
-    settled(&mut page);
     page.until(&format!("{MARKED} === 'B–'"));
+    settled(&mut page);
     types(&mut page, "e\tq\td\tc\t ");
     page.until("document.body.dataset.state === 'end'");
     let log = stage.logged();

@@ -74,7 +74,7 @@ pub fn load_all(experiment: &Experiment, loader: &mut Loader, fits: Fits) -> Res
                     if !done.insert(format!("{} {level:?}", stimulus::described(&filled))) {
                         continue;
                     }
-                    let about = |failure| named(failure, experiment, *stimulus);
+                    let about = |failure| stimulus::named(failure, experiment, *stimulus);
                     if stimulus::file_of(&filled).is_none() {
                         continue;
                     }
@@ -116,17 +116,6 @@ fn ends(method: &Method) -> Vec<f64> {
             levels.first().into_iter().chain(levels.last()).copied().collect()
         }
     }
-}
-
-/// Adds which stimulus it is about.
-pub fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
-    let Failure::Input(all) = failure else { return failure };
-    let stimulus = &experiment.stimuli[stimulus];
-    let told = |d: Diagnostic| {
-        let span = stimulus.place.span;
-        d.related(&stimulus.place.source, span, format!("for the stimulus `{}`", stimulus.name))
-    };
-    Failure::Input(all.into_iter().map(told).collect())
 }
 
 fn text(experiment: &Experiment, loaded: usize, levels: &Levels) -> String {

@@ -14,7 +14,6 @@ use asperity_study::{Experiment, Felt, Matching, Method, StimulusKind, Trial};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use super::check::named;
 use super::stimulus::{self, GAIN, HAND, Loader, MASK};
 use crate::failure::{Failure, wrong};
 use crate::load::PluginArgs;
@@ -179,7 +178,8 @@ impl Levels {
         let mut loader = Loader::alone(plugins, input);
         let vary = job.vary.as_ref().map(|(set, level)| (set.as_str(), *level));
         let loaded = loader.load(&job.kind, vary, 1.0, None);
-        let compiled = loaded.map_err(|failure| named(failure, &self.experiment, job.stimulus))?.compiled;
+        let compiled =
+            loaded.map_err(|failure| stimulus::named(failure, &self.experiment, job.stimulus))?.compiled;
         let schedule = &compiled.schedule;
         let nodes = || schedule.nodes.iter().enumerate();
         let gains: Vec<usize> = nodes().filter(|(_, n)| n.id.starts_with(GAIN)).map(|(i, _)| i).collect();

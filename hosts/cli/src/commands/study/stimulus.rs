@@ -46,6 +46,17 @@ pub struct At {
     pub place: usize,
 }
 
+/// Adds which stimulus it is about.
+pub fn named(failure: Failure, experiment: &Experiment, stimulus: usize) -> Failure {
+    let Failure::Input(all) = failure else { return failure };
+    let stimulus = &experiment.stimuli[stimulus];
+    let told = |d: Diagnostic| {
+        let span = stimulus.place.span;
+        d.related(&stimulus.place.source, span, format!("for the stimulus `{}`", stimulus.name))
+    };
+    Failure::Input(all.into_iter().map(told).collect())
+}
+
 /// Loads the stimuli of a study, all of them for one hand and one sound card.
 pub struct Loader {
     /// Hand or recorded stroke that moves the stylus, and plugins.
@@ -93,7 +104,8 @@ impl Loader {
             if !done.insert(graph.clone()) {
                 continue;
             }
-            let (graph, _) = load::read(&GraphArgs { graph, ..self.args.clone() }, &mut self.kinds)?;
+            let read = load::read(&GraphArgs { graph, ..self.args.clone() }, &mut self.kinds);
+            let (graph, _) = read.map_err(|failure| named(failure, experiment, stimulus))?;
             let registry = self.kinds.registry(Some(&graph))?;
             let forces = |node: &&NodeDecl| registry.role(&node.kind) == Some(Role::Force);
             match graph.nodes.iter().find(|node| forces(node) && moves(&graph, node)) {
