@@ -47,19 +47,17 @@ def best(call: Callable[[], object]) -> float:
 
 
 def engine_tick() -> None:
-    graph = asperity.Graph(GRAPH)
-    felt = graph.render(seconds=4.0, probes=["stylus.position"])
-    positions = np.ascontiguousarray(felt["stylus.position"], dtype=np.float64)
-    engine = graph.engine()
+    text = 'Graph(version: 1, nodes: {"s": (kind: "stroke"), "p": (kind: "probe")}, wires: [("s", "p")])'
+    small, position = asperity.Graph(text), np.array([1.0, 2.0, -2.0])
+    engine, ticks = small.engine(), 100_000
 
     def steps() -> None:
-        for position in positions:
+        for _ in range(ticks):
             engine.tick(position)
 
-    ours = best(steps)
-    whole = best(lambda: graph.render(seconds=4.0)) - best(lambda: graph.render(seconds=0.002))
-    us = 1e6 / len(positions)
-    print(f"engine.tick: {ours * us:.2f} us, a tick of a render: {whole * us:.2f} us")
+    us = 1e6 / ticks
+    ours, whole = best(steps) * us, best(lambda: small.render(seconds=ticks / 500)) * us
+    print(f"a tick of two nodes: {ours:.2f} us by engine.tick, {whole:.2f} us in a render")
 
 
 def render() -> None:
