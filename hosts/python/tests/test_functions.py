@@ -90,7 +90,7 @@ def test_log_of_a_study_is_read(tmp_path: Path) -> None:
         "files": [["experiment.ron", "00"]], "at": "2026-01-01T00:00:00Z",
     }  # fmt: skip
     log = tmp_path / "p1.jsonl"
-    log.write_text("\n".join(json.dumps(e) for e in (begin, {"event": "shown", "trial": 0})) + "\n{torn")
+    log.write_text("\n".join(json.dumps(e) for e in (begin, {"event": "shown", "trial": 0, "attempt": 0})) + "\n{torn")
     events = asperity.study_log(log)
     assert [event["event"] for event in events] == ["begin", "shown"]
     assert events[0]["participant"] == "p1"
