@@ -128,7 +128,7 @@ fn bad_study_files_are_refused_with_places() {
     }
     dir.write("s.ron", study("", RATE).replace("texture.material\": \"oak", "texture.material\": \"oakk"));
     dir.run("study check s.ron").refused("no material `oakk`").says(&["for the stimulus `oak`", "`oak`"]);
-    dir.write("s.ron", study("", RATE).replace("graphs/texture.ron", "gone.ron"));
+    dir.write("s.ron", study("", RATE).replacen("graphs/texture.ron", "gone.ron", 1));
     dir.run("study check s.ron")
         .refused("gone.ron: error: cannot read")
         .says(&["for the stimulus `oak` at s.ron:3:"]);
