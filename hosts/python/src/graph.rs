@@ -233,7 +233,7 @@ fn set_only(graph: &mut GraphFile, registry: &Registry, name: &str, value: &str)
     };
     let found = graph.nodes.iter().filter(|n| has(&n.kind).iter().any(|param| param == name));
     let found: Vec<String> = found.map(|n| n.id.clone()).collect();
-    let error = |what: String, help: String| Diagnostic::new(what).in_file(&graph.source.path()).help(help);
+    let error = |what: String, help: String| Diagnostic::new(what).in_file(graph.source.path()).help(help);
     match found.as_slice() {
         [id] => {
             let id = id.clone();
