@@ -513,7 +513,7 @@ fn screen_words(value: &Value) -> Result<Vec<(String, String)>, Diagnostic> {
         let [one, other] = pair.map(|key| word_of(&found, key));
         if one == other {
             let what = format!("`{}` and `{}` have the same word: \"{one}\"", pair[0], pair[1]);
-            return Err(value.error(what).help("answers cannot be told apart"));
+            return Err(value.error(what).help("give each answer a word of its own"));
         }
     }
     Ok(found)
