@@ -7,7 +7,7 @@ OUT ?= out
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 BUILT := $(TARGET)/debug
 
-.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: test-demo test-python setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -53,6 +53,10 @@ BUILD ?=
 test: setup-tests
 	$(CARGO) test --workspace $(WITHOUT) $(BUILD) --no-run
 	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
+
+# Builds the Python package and tests it: pytest, and mypy in strict mode.
+test-python: setup-tests
+	$(CARGO) build -p asperity
 	sh scripts/python.sh
 
 # The program without tract, as `make demo` builds it, renders the same bytes as the whole one, and says what it
