@@ -155,6 +155,14 @@ impl Running {
     }
 }
 
+/// A session whose first stimulus is felt.
+fn feels(dir: &Path) -> Running {
+    let running = Running::start(dir);
+    assert_eq!(running.go_on().expect("it runs").1, 204);
+    until("a stimulus", || !places(dir).is_empty());
+    running
+}
+
 fn events(dir: &Path) -> Vec<Event> {
     log::read(&dir.join("out/P02.jsonl")).unwrap_or_else(|e| panic!("{e}"))
 }
@@ -238,9 +246,9 @@ fn session_logs_every_trial_with_its_stimuli() {
 fn kill_at_any_moment_loses_no_answered_trial() {
     let _lock = beside_others();
     let kills = std::env::var("ASPERITY_LONG_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(KILLS);
-    let dir = folder(300);
+    let mut dir = folder(300);
     let mut random = asperity_numbers::Random::new(11);
-    let mut told = 0;
+    let (mut told, mut all) = (0, 0);
     for kill in 0..kills {
         let running = Running::start(&dir);
         let until = Instant::now() + Duration::from_millis(random.below(600) as u64);
@@ -251,26 +259,28 @@ fn kill_at_any_moment_loses_no_answered_trial() {
         });
         while let Some((screen, code)) = running.go_on() {
             let answers = screen["questions"].as_array().is_some_and(|q| !q.is_empty());
-            let trains = screen["state"] == "explore" && !answers;
-            told += usize::from(code == 204 && (answers || trains));
+            told += usize::from(code == 204 && screen["state"] == "explore");
+            all += usize::from(code == 204 && answers);
         }
         killer.join().expect("no panic");
         drop(running);
         // The log is readable, and has every answer that a screen was told of, in the order of the plan.
         let events = events(&dir);
         let there = answered(&events);
-        // A busy machine may lose the device: the mark has the answers then.
-        let is_mark = |event: &&Event| matches!(event, Event::Marked { .. });
-        let marks: Vec<&Event> = events.iter().filter(is_mark).collect();
-        let kept = there.len() + marks.len();
-        assert!(kept >= told, "kill {kill}: {kept} of {told} answers, with {marks:?}");
+        assert!(there.len() >= told, "kill {kill}: {} of {told} answers", there.len());
         let mut sorted = there.clone();
         sorted.dedup();
         assert_eq!(sorted, there, "no trial is answered twice");
-        told = kept;
+        told = there.len();
+        // A session without more trials would not be killed in one.
+        let is_over = |event: &Event| matches!(event, Event::Survey { .. });
+        if told > 800 || events.iter().any(is_over) {
+            dir.run("study analyse out").ok().says(&["1 participant"]);
+            (dir, told) = (folder(300), 0);
+        }
     }
-    assert!(told > kills, "{told} answers in all: it hardly ran");
-    dir.run("study analyse out").ok().says(&["1 participant"]);
+    assert!(all > kills, "{all} answers in all: it hardly ran");
+    println!("{kills} kills, {all} answers");
 }
 
 #[test]
@@ -357,9 +367,7 @@ fn file_that_changes_in_a_trial_marks_it() {
     let _lock = beside_others();
     let dir = folder(1);
     side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
-    let running = Running::start(&dir);
-    assert_eq!(running.go_on().expect("it runs").1, 204);
-    until("a stimulus", || !places(&dir).is_empty());
+    let running = feels(&dir);
     dir.write("strong.ron", tone(0.04));
     let before = places(&dir).len();
     until("another one", || places(&dir).len() > before + 1);
@@ -379,9 +387,7 @@ fn trial_that_comes_again_at_once_begins_anew() {
     let _lock = beside_others();
     let dir = folder(1);
     side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
-    let running = Running::start(&dir);
-    assert_eq!(running.go_on().expect("it runs").1, 204);
-    until("a stimulus", || !places(&dir).is_empty());
+    let running = feels(&dir);
     assert_eq!(mark(&running), Some(204));
     let again = |event: &Event| matches!(event, Event::Stimulus { trial: 0, attempt: 1, place: Some(_), .. });
     until("the stimulus of the second attempt", || events(&dir).iter().any(again));
@@ -394,9 +400,7 @@ fn samples_that_were_not_played_mark_their_trial() {
     side_by_side(&dir, "graph(file: \"weak.ron\")", "graph(file: \"strong.ron\")", "");
     let study = std::fs::read_to_string(dir.join("study.ron")).unwrap();
     dir.write("study.ron", study.replace("missed: 1.0", "missed: 0.4"));
-    let running = Running::start(&dir);
-    assert_eq!(running.go_on().expect("it runs").1, 204);
-    until("a stimulus", || !places(&dir).is_empty());
+    let running = feels(&dir);
     // The card goes on while the program stands still: hardly a tick is late, since few are run.
     let id = running.live.id().to_string();
     for (signal, ms) in [("-STOP", 3000), ("-CONT", 300)] {
