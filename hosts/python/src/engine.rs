@@ -3,6 +3,7 @@
 use std::sync::{Mutex, MutexGuard};
 
 use asperity_engine::Options;
+use asperity_live::place;
 use asperity_node::Role;
 use asperity_offline::render::{channels, interleaved, samples};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
@@ -13,9 +14,6 @@ use crate::error::raise_interrupt;
 use crate::graph::Ready;
 use crate::node::{Kind, tell};
 use crate::values::Values;
-
-/// Inputs of a hand: position, force, and a count of strokes.
-const INPUTS: [usize; 3] = [0, 1, 2];
 
 /// An engine at a tick.
 #[pyclass(module = "asperity._asperity", frozen)]
@@ -59,8 +57,8 @@ impl State {
     fn begin(&mut self) {
         self.strokes = 0.0;
         if let Some(hand) = self.hand {
-            self.engine.feed_control(hand, INPUTS[1], &[0.0], true);
-            self.engine.feed_control(hand, INPUTS[2], &[0.0], true);
+            self.engine.feed_control(hand, place::FORCE, &[0.0], true);
+            self.engine.feed_control(hand, place::STROKE, &[0.0], true);
         }
     }
 }
@@ -81,14 +79,14 @@ impl Engine {
         if let Some(hand) = *hand {
             let mut fed = true;
             if let Some(Position(position)) = position {
-                fed &= engine.feed_control(hand, INPUTS[0], &position, true);
+                fed &= engine.feed_control(hand, place::POSITION, &position, true);
             }
             if let Some(force) = force {
-                fed &= engine.feed_control(hand, INPUTS[1], &[force], true);
+                fed &= engine.feed_control(hand, place::FORCE, &[force], true);
             }
             if jump {
                 *strokes += 1.0;
-                engine.feed_control(hand, INPUTS[2], &[*strokes], true);
+                engine.feed_control(hand, place::STROKE, &[*strokes], true);
             }
             if !fed {
                 return Err(PyValueError::new_err("position and force must be finite numbers"));
