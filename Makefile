@@ -7,7 +7,7 @@ OUT ?= out
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 BUILT := $(TARGET)/debug
 
-.PHONY: test-demo test-python setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -53,11 +53,7 @@ BUILD ?=
 test: setup-tests
 	$(CARGO) test --workspace $(WITHOUT) $(BUILD) --no-run
 	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
-
-# Builds the Python package and tests it: pytest, and mypy in strict mode.
-test-python: setup-tests
-	$(CARGO) build -p asperity
-	sh scripts/python.sh
+	CARGO="$(CARGO)" sh scripts/python.sh $(WITHOUT)
 
 # The program without tract, as `make demo` builds it, renders the same bytes as the whole one, and says what it
 # refuses. The whole one is that of `make test`.
@@ -75,7 +71,7 @@ test-demo: setup
 
 # The tests that take minutes, and some hours for the hard cases: a million ticks without an allocation, a thousand
 # swaps of the shipped graph, a million ticks live, ten million ticks of nodes that fail, sixty times as many hostile
-# cases, and every reader fuzzed for a minute.
+# cases, every reader fuzzed for a minute, and Python's package as a wheel.
 test-long: setup-tests setup-fuzz
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test alloc ticks::
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test alloc swap_long::
@@ -84,6 +80,7 @@ test-long: setup-tests setup-fuzz
 	    $(CARGO) test -p asperity --test stability -- --nocapture
 	ASPERITY_HOSTILE=180 $(CARGO) test -p asperity --test it hostile:: -- --nocapture
 	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
+	sh scripts/python.sh wheel
 
 # Every reader, for so many seconds each.
 FUZZ_S ?= 600

@@ -1,7 +1,8 @@
 #!/bin/sh
-# Builds the Python package as pip does, and tests it: pytest, and mypy in strict mode. The virtual environment is
-# target/python. Says why it tests nothing where Python 3.10 or the package index is missing.
-#     sh scripts/python.sh [more options of `maturin build`, such as --no-default-features]
+# Tests the Python package: pytest, and mypy in strict mode. The virtual environment is target/python. Says why it
+# tests nothing where Python 3.10 or the package index is missing.
+#     sh scripts/python.sh [options of `cargo build --workspace`]    with the library of cargo's own build
+#     sh scripts/python.sh wheel                                     with a wheel, as pip makes it
 set -eu
 cd "$(dirname "$0")/.."
 target=$(cd "$(dirname "${CARGO_TARGET_DIR:-target}")" && pwd)/$(basename "${CARGO_TARGET_DIR:-target}")
@@ -17,11 +18,22 @@ tools="maturin numpy pytest mypy matplotlib pandas"
     "$venv/bin/pip" install --quiet --disable-pip-version-check $tools ||
     skip "the package index does not give $tools"
 
-# Not optimised for release: cargo's tests have built most of it already.
-rm -rf "$target/wheels"
-"$venv/bin/maturin" build --quiet --locked --profile dev --manifest-path hosts/python/Cargo.toml \
-    --interpreter "$venv/bin/python" --out "$target/wheels" "$@"
-"$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$target"/wheels/*.whl
+if [ "${1:-}" = wheel ]; then
+    rm -rf "$target/wheels"
+    "$venv/bin/maturin" build --quiet --locked --release --manifest-path hosts/python/Cargo.toml \
+        --interpreter "$venv/bin/python" --out "$target/wheels"
+    ls -l "$target"/wheels/*.whl
+    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --force-reinstall "$target"/wheels/*.whl
+else
+    # Of the same packages as cargo's tests, so that hardly anything is built twice.
+    ${CARGO:-cargo} build --workspace "$@" --lib
+    package=$target/python-package
+    rm -rf "$package"
+    cp -R hosts/python/python "$package"
+    cp "$target"/debug/libasperity_python.so "$package/asperity/_asperity.abi3.so" 2>/dev/null ||
+        cp "$target"/debug/libasperity_python.dylib "$package/asperity/_asperity.abi3.so"
+    export PYTHONPATH="$package"
+fi
 
 export ASPERITY_PROGRAM="${ASPERITY_PROGRAM:-$target/debug/asperity}"
 [ -x "$ASPERITY_PROGRAM" ] || unset ASPERITY_PROGRAM
