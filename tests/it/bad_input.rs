@@ -198,7 +198,7 @@ fn what_stands_on_the_command_line_is_checked_too() {
         ("--set tick_hx=500", "did you mean `tick_hz`?"),
         ("--seconds -1", "out of range"),
         ("--seconds NaN", "out of range"),
-        ("--probe motion.speed=x.txt", ".csv or .npy"),
+        ("--probe motion.speed=x.txt", ".csv, .npy"),
         ("--probe motion.sped=x.csv", "did you mean `speed`?"),
         ("--probe nobody.speed=x.csv", "no node `nobody`"),
         ("--probe motion.speed=a.npy --probe motion.velocity=a.npy", "would write the same file as"),

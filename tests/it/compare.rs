@@ -153,7 +153,18 @@ fn figures_are_those_of_the_signal_that_invert_writes() {
     let dir = Room::new();
     for name in ["texture_2500", "nnsmooth_2500"] {
         let mags = file(&format!("{name}.mag.npy"));
-        let args = ["invert", "--phase", "spsi", "--rate", "2500", "--out", "y.npy", "--magnitudes"];
+        let args = [
+            "invert",
+            "--phase",
+            "spsi",
+            "--rate",
+            "2500",
+            "--scale",
+            "dft",
+            "--out",
+            "y.npy",
+            "--magnitudes",
+        ];
         run(&dir, &[&args[..], &[mags.to_str().unwrap()]].concat()).ok();
         let signal = npy::read(dir.join("y.npy")).unwrap().values.into_f64();
         let array = npy::read(&mags).unwrap();

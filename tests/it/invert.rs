@@ -13,7 +13,51 @@ fn write_magnitudes(dir: &Room, name: &str) -> Vec<f32> {
 }
 
 fn invert(dir: &Room, phase: &str, rate: &str, out: &str) -> Ran {
-    dir.run(&format!("invert --phase {phase} --magnitudes m.npy --rate {rate} --out {out}"))
+    dir.run(&format!("invert --phase {phase} --magnitudes m.npy --rate {rate} --scale dft --out {out}"))
+}
+
+/// A bug once: the amplitudes of a probe were taken for those of an unscaled DFT, and came out 36 dB too small.
+#[test]
+fn probed_magnitudes_come_back_at_their_level() {
+    let dir = Room::new();
+    dir.run("render graphs/texture.ron --seconds 2 --probe texture=m.npz --probe texture=m.npy --probe phase=y.npy")
+        .ok();
+    dir.run("invert --magnitudes m.npz --out a.npy").ok();
+    dir.run("invert --magnitudes m.npy --rate 2500 --scale amplitude --out b.npy").ok();
+    assert!(dir.npy("a.npy") == dir.npy("b.npy"), "an archive states what the options state");
+    let level = |file: &str| {
+        let signal = dir.npy(file);
+        (signal.iter().map(|x| f64::from(x * x)).sum::<f64>() / signal.len() as f64).sqrt()
+    };
+    let off = 20.0 * (level("a.npy") / level("y.npy")).log10();
+    assert!(off.abs() < 1.0, "{off} dB");
+}
+
+#[test]
+fn array_without_its_convention_is_refused() {
+    let dir = Room::new();
+    write_magnitudes(&dir, "texture_2500");
+    for (options, says) in [
+        ("--rate 2500", "`--scale dft`: |sum w x|"),
+        ("--scale dft", "`--rate HZ`, or a .npz file"),
+        ("--rate 2500 --scale decibel", "dft"),
+    ] {
+        dir.run(&format!("invert --magnitudes m.npy --out y.npy {options}")).refused(says);
+    }
+    assert_eq!(dir.files(), ["m.npy"]);
+}
+
+/// `np.savez_compressed` of NumPy 2.4.6 made the file, from 3 frames of `texture_2500` at the scale "dft".
+#[test]
+fn archive_by_numpy_is_taken() {
+    let dir = Room::new();
+    let archive = concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/data/phase/by_numpy.npz");
+    dir.run(&format!("invert --phase spsi --magnitudes {archive} --out a.npy")).ok();
+    let mags = vector("texture_2500", 2500);
+    npy::write_f32(std::fs::File::create(dir.join("m.npy")).unwrap(), &[3, 101], &mags[..303]).unwrap();
+    invert(&dir, "spsi", "2500", "b.npy").ok();
+    assert!(dir.npy("a.npy") == dir.npy("b.npy"));
+    dir.run(&format!("invert --magnitudes {archive} --rate 44100 --out c.npy")).refused("2500 Hz, not 44100");
 }
 
 #[test]

@@ -94,6 +94,7 @@ readers! {
     materials_are_read_or_refused "material" 800,
     tables_are_read_or_refused "csv" 800,
     arrays_are_read_or_refused "npy" 2000,
+    archives_are_read_or_refused "npz" 1000,
     markup_is_read_or_refused "xml" 1500,
     sounds_are_read_or_refused "wav" 2000,
     experiments_are_read_or_refused "experiment" 800,

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use asperity_accuracy::npy;
+use asperity_accuracy::npy::{self, Archive, Entry};
 use asperity_actuator::ActuatorProfile;
 use asperity_autoregressive::{TextureFile, toolkit};
 use asperity_data::recordings;
@@ -35,12 +35,13 @@ impl Reader {
 }
 
 /// All of them.
-pub(crate) const READERS: [Reader; 10] = [
+pub(crate) const READERS: [Reader; 11] = [
     Reader { name: "graph", read: graph, holds: (64 << 20, 1000) },
     Reader { name: "scene", read: scene, holds: (64 << 20, 1000) },
     Reader { name: "material", read: material, holds: (1 << 20, 1000) },
     Reader { name: "csv", read: csv, holds: (1 << 20, 1000) },
     Reader { name: "npy", read: numbers, holds: (1 << 20, 4) },
+    Reader { name: "npz", read: archive, holds: (4 << 20, 3000) },
     Reader { name: "xml", read: xml, holds: (4 << 20, 1000) },
     Reader { name: "wav", read: wav, holds: (1 << 20, 32) },
     Reader { name: "experiment", read: experiment, holds: (16 << 20, 1000) },
@@ -84,6 +85,12 @@ fn csv(bytes: &[u8]) -> bool {
 
 fn numbers(bytes: &[u8]) -> bool {
     npy::parse(bytes).is_ok()
+}
+
+/// An archive with entries of known types.
+fn archive(bytes: &[u8]) -> bool {
+    Archive::parse(bytes)
+        .is_ok_and(|archive| !archive.0.values().any(|entry| matches!(entry, Entry::Other(_))))
 }
 
 fn xml(bytes: &[u8]) -> bool {

@@ -1,9 +1,12 @@
-//! The values of a port, tick by tick.
+//! The values of a port, tick by tick, and what they mean.
 
+use std::io::{self, Read, Seek, Write};
+
+use asperity_accuracy::npy::Packer;
 use asperity_diagnostics::{Diagnostic, one_of};
 use asperity_engine::Engine;
 use asperity_graph::GraphFile;
-use asperity_node::{Buffer, Shape, time};
+use asperity_node::{Buffer, FrameLayout, Shape, time};
 
 /// Adds a node that records a port, such as `texture.magnitude`, and answers its id. `origin` stands for the
 /// file in errors.
@@ -57,6 +60,17 @@ impl Probe {
         }
     }
 
+    /// What the values mean, to be said in a file. Their unit is `unit`.
+    pub fn facts(&self, unit: &str, tick_hz: u32) -> Facts {
+        let (array, frames) = match self.shape {
+            Shape::Control { .. } => ("values", None),
+            Shape::Audio { .. } => ("signal", None),
+            Shape::Magnitude(layout) => ("magnitudes", Some(layout)),
+            Shape::Spectrum(layout) => ("spectrum", Some(layout)),
+        };
+        Facts { array, rate_hz: self.rate_hz(tick_hz), frames, unit: unit.to_owned() }
+    }
+
     /// Values of a tick that has run, and the number of the first. That is a tick for controls, and a sample
     /// of the signal for audio and frames. `None` in a tick without a frame.
     pub fn take(&self, engine: &Engine, tick: u64) -> Option<(u64, Vec<f32>)> {
@@ -74,5 +88,36 @@ impl Probe {
             }
             _ => return None,
         })
+    }
+}
+
+/// What recorded values mean. `rate_hz` is that of the samples, and of the ticks for a control.
+#[derive(Clone, Debug)]
+pub struct Facts {
+    array: &'static str,
+    rate_hz: u32,
+    frames: Option<FrameLayout>,
+    unit: String,
+}
+
+impl Facts {
+    /// Writes a `.npz` archive of the rows of a `.npy` file: the array, `rate` and `unit`. Frames have also
+    /// `hop` and `window_length` \[samples\], `window` and `scale`, as
+    /// [`Frames::read`](crate::phase::Frames::read) takes them.
+    ///
+    /// # Errors
+    /// Errors of the files.
+    pub fn pack(&self, rows: &mut (impl Read + Seek), to: impl Write + Seek) -> io::Result<()> {
+        let mut packer = Packer::new(to);
+        packer.rows(self.array, self.array == "spectrum", rows)?;
+        packer.number("rate", f64::from(self.rate_hz))?;
+        packer.text("unit", &self.unit)?;
+        if let Some(layout) = self.frames {
+            packer.number("hop", f64::from(layout.rate_hz) / layout.frame_rate.hz())?;
+            packer.number("window_length", f64::from(layout.length))?;
+            packer.text("window", "hann")?;
+            packer.text("scale", "amplitude")?;
+        }
+        packer.finish()?.flush()
     }
 }

@@ -33,9 +33,39 @@ def test_invert_gives_the_bytes_of_the_program(
 ) -> None:
     magnitudes, out = dft(tone).astype(np.float32), tmp_path / "y.npy"
     np.save(tmp_path / "S.npy", magnitudes)
-    program("invert", "--magnitudes", tmp_path / "S.npy", "--rate", RATE, "--out", out, "--phase", "spsi")
+    rest = ("--rate", RATE, "--scale", "dft", "--out", out, "--phase", "spsi")
+    program("invert", "--magnitudes", tmp_path / "S.npy", *rest)
     found = asperity.invert(magnitudes, rate=RATE, scale="dft", phase="spsi")
     assert found.tobytes() == np.load(out).tobytes()
+
+
+def test_numpy_and_the_program_read_archives_of_each_other(
+    tone: NDArray[np.float64], program: Run, graphs: Path, tmp_path: Path
+) -> None:
+    magnitudes, mine, probed, out = dft(tone), tmp_path / "S.npz", tmp_path / "m.npz", tmp_path / "y.npy"
+    stated = {"rate": RATE, "hop": HOP, "window": "hann", "window_length": LENGTH, "scale": "dft"}
+    np.savez_compressed(mine, magnitudes=magnitudes, **stated)  # type: ignore[arg-type]
+    program("invert", "--magnitudes", mine, "--out", out, "--phase", "spsi")
+    found = asperity.invert(magnitudes, rate=RATE, scale="dft", phase="spsi")
+    assert found.tobytes() == np.load(out).tobytes()
+
+    program("render", graphs / "texture.ron", "--seconds", 1, "--probe", f"texture={probed}")
+    program("invert", "--magnitudes", probed, "--out", out, "--phase", "spsi")
+    m = np.load(probed)
+    assert {name: m[name].item() for name in stated} == stated | {"scale": "amplitude", "hop": 5}
+    assert m["magnitudes"].shape[1] == 100 and str(m["unit"]) == "m/s^2"
+    found = asperity.invert(m["magnitudes"], rate=int(m["rate"]), scale="amplitude", phase="spsi")
+    assert found.tobytes() == np.load(out).tobytes()
+
+
+def test_spectra_and_controls_have_their_own_archives(program: Run, graphs: Path, tmp_path: Path) -> None:
+    files = {port: tmp_path / f"{port}.npz" for port in ("phase", "motion.speed")}
+    probes = [part for port, file in files.items() for part in ("--probe", f"{port}={file}")]
+    program("render", graphs / "heravi2024.ron", "--seconds", 0.5, *probes)
+    spectrum, speed = np.load(files["phase"]), np.load(files["motion.speed"])
+    assert spectrum["spectrum"].dtype == np.complex64 and spectrum["spectrum"].ndim == 2
+    assert str(spectrum["scale"]) == "amplitude" and int(spectrum["window_length"]) == spectrum["rate"] // 10
+    assert speed["values"].shape == (250,) and int(speed["rate"]) == 500 and "scale" not in speed
 
 
 def test_both_scales_give_the_level_of_the_signal(tone: NDArray[np.float64]) -> None:

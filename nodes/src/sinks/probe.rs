@@ -12,7 +12,7 @@ impl Node for Probe {
             .role(Role::Probe)
             .input(like("in").doc("signal to record"))
             .param(text("file", ""))
-            .doc("File to write: .csv or .npy, relative to the working folder. Empty: nothing is recorded.")
+            .doc("File to write: .csv, .npy, or .npz with rate and unit; relative to the working folder. Empty: nothing is recorded.")
             .timing(
                 "keeps no node awake: while its source sleeps, audio is zero and a control holds its value",
             )
@@ -21,7 +21,7 @@ impl Node for Probe {
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
         if !setup.params.text("file").is_empty() {
-            super::check_file(setup, [".csv", ".npy"])?;
+            super::check_file(setup, &[".csv", ".npy", ".npz"])?;
         }
         Ok(Prepared::new(Self))
     }

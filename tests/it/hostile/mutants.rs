@@ -61,6 +61,10 @@ fn vector() -> Vec<u8> {
     fs::read(root().join("tests/data/phase/texture_2500.mag.npy")).expect("a vector")
 }
 
+fn archive() -> Vec<u8> {
+    fs::read(root().join("tests/data/phase/by_numpy.npz")).expect("an archive")
+}
+
 /// The header and some samples of a recording that a killed run left.
 fn left_recording() -> Vec<u8> {
     let mut to = std::io::Cursor::new(Vec::new());
@@ -80,7 +84,7 @@ const fn reader(name: &'static str, right: fn() -> Vec<u8>, mutants: u64, comman
     Reader { name, right, mutants, command }
 }
 
-pub const READERS: [Reader; 13] = [
+pub const READERS: [Reader; 14] = [
     reader("g.ron", || shipped_graph().into_bytes(), 400, "check FILE"),
     reader("g.ron", || shipped_graph().into_bytes(), 150, "render FILE --seconds 0.05 --out o.wav"),
     reader("s.ron", scene, 200, "check FILE"),
@@ -92,7 +96,8 @@ pub const READERS: [Reader; 13] = [
         100,
         "render GRAPH --input FILE --seconds 0.05 --out o.wav",
     ),
-    reader("m.npy", vector, 150, "invert --magnitudes FILE --rate 2500 --out o.npy"),
+    reader("m.npy", vector, 150, "invert --magnitudes FILE --rate 2500 --scale dft --out o.npy"),
+    reader("m.npz", archive, 100, "invert --magnitudes FILE --out o.npy"),
     reader(
         "n.onnx",
         || shipped("models/surfaces/texture.onnx"),

@@ -65,9 +65,10 @@ const GRAPH: &str = r#"Graph(
         "kept": (kind: "file_out", params: (file: "kept.npy")),
         "limiter": (kind: "limiter", params: (profile: "hapcoil_one")),
         "probe": (kind: "probe", params: (file: "seen.csv")),
+        "packed": (kind: "probe", params: (file: "packed.npz")),
         "out": (kind: "audio_out"),
     },
-    wires: [("tone", "kept"), ("tone", "limiter"), ("limiter", "out"), ("limiter", "probe")],
+    wires: [("tone", "kept"), ("tone", "limiter"), ("limiter", "out"), ("limiter", "probe"), ("limiter", "packed")],
 )
 "#;
 
@@ -159,6 +160,10 @@ fn is_array(path: &Path) -> bool {
     npy::read(path).is_ok_and(|array| !array.values.is_empty())
 }
 
+fn is_archive(path: &Path) -> bool {
+    npy::Archive::read(path).is_ok_and(|archive| matches!(archive.array("signal"), Ok(Some(_))))
+}
+
 /// Its header says as many bytes as there are.
 fn is_sound(path: &Path) -> bool {
     let bytes = std::fs::read(path).unwrap_or_default();
@@ -237,12 +242,13 @@ pub(super) static WRITERS: [Writer; 12] = [
             file("r.json", is_json),
             file("kept.npy", is_array),
             file("seen.csv", is_table),
+            file("packed.npz", is_archive),
         ],
     ),
     writer(
         "invert",
         magnitudes,
-        "invert --phase spsi --magnitudes m.npy --rate 5000 --out y.npy",
+        "invert --phase spsi --magnitudes m.npy --rate 5000 --scale dft --out y.npy",
         &[file("y.npy", is_array)],
     ),
     writer(

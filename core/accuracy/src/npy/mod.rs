@@ -1,4 +1,4 @@
-//! NumPy's `.npy` files of floating-point numbers, one or two dimensions.
+//! NumPy's `.npy` files of floating-point numbers, one or two dimensions, and archives of them (`.npz`).
 //!
 //! Format: NumPy Enhancement Proposal 1, versions 1.0 to 3.0 (`numpy.lib.format`). The crates for it allocate
 //! what a header claims and parse its dictionary by recursion, and cannot mend a file that was not finished.
@@ -6,6 +6,10 @@
 use asperity_diagnostics::{Diagnostic, file};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::Path;
+
+mod npz;
+
+pub use npz::{Archive, Entry, MAX_ENTRIES, Packer};
 
 /// Most numbers of a file: an hour of frames of 101 bins at 500 a second is 182 million.
 pub const MAX_VALUES: usize = 1 << 28;
@@ -71,6 +75,10 @@ pub fn read(path: impl AsRef<Path>) -> Result<Array, Diagnostic> {
 pub fn parse(bytes: &[u8]) -> Result<Array, Diagnostic> {
     let (text, data) = header(bytes)?;
     let (descr, fortran, shape) = entries(&text)?;
+    if !["<f4", ">f4", "<f8", ">f8"].contains(&descr) {
+        return Err(Diagnostic::new(format!("this array has numbers of type {descr:?}"))
+            .help("float32 or float64 fit: np.save(file, x.astype(np.float32))"));
+    }
     let printed = print_shape(&shape);
     if !(1..=2).contains(&shape.len()) {
         return Err(Diagnostic::new(format!("this array has the shape {printed}"))
@@ -147,10 +155,6 @@ fn entries(text: &str) -> Result<(&str, bool, Vec<usize>), Diagnostic> {
         Ok(value.trim_start().strip_prefix(':').unwrap_or_default().trim_start())
     };
     let descr = entry("'descr'")?.split('\'').nth(1).ok_or_else(|| wrong("does not name a type"))?;
-    if !["<f4", ">f4", "<f8", ">f8"].contains(&descr) {
-        return Err(Diagnostic::new(format!("this array has numbers of type {descr:?}"))
-            .help("float32 or float64 fit: np.save(file, x.astype(np.float32))"));
-    }
     let order = entry("'fortran_order'")?;
     let fortran = order.starts_with("True");
     if !fortran && !order.starts_with("False") {
@@ -175,8 +179,8 @@ fn invalid(what: &str) -> io::Error {
     io::Error::new(io::ErrorKind::InvalidInput, what)
 }
 
-fn write_header(to: &mut impl Write, shape: &[usize]) -> io::Result<()> {
-    let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {}, }}", print_shape(shape));
+fn write_header(to: &mut impl Write, descr: &str, shape: &[usize]) -> io::Result<()> {
+    let text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': {}, }}", print_shape(shape));
     let room = HEADER - 11;
     if text.len() > room {
         return Err(invalid("too many dimensions for a .npy header"));
@@ -193,7 +197,7 @@ pub fn write_f32(mut to: impl Write, shape: &[usize], values: &[f32]) -> io::Res
     if shape.iter().try_fold(1usize, |a, &n| a.checked_mul(n)) != Some(values.len()) {
         return Err(invalid("the shape does not fit the number of values"));
     }
-    write_header(&mut to, shape)?;
+    write_header(&mut to, "<f4", shape)?;
     write_values(&mut to, values)?;
     to.flush()
 }
@@ -208,7 +212,7 @@ fn write_values(to: &mut impl Write, values: &[f32]) -> io::Result<()> {
 /// Sets the number of rows in the header of a file that a [`Writer`] did not finish.
 pub fn set_rows(to: &mut (impl Write + Seek), rows: usize, columns: Option<usize>) -> io::Result<()> {
     to.seek(SeekFrom::Start(0))?;
-    write_header(to, &[&[rows], columns.as_slice()].concat())
+    write_header(to, "<f4", &[&[rows], columns.as_slice()].concat())
 }
 
 /// Offset of the rows and the columns of a file by a [`Writer`], from its first bytes; none of another file.

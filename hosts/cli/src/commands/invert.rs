@@ -3,31 +3,36 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use asperity_accuracy::npy;
 use asperity_engine::NoClock;
 
 use crate::failure::{Failure, print, warn, wrong};
 use crate::kinds;
 use crate::load::PluginArgs;
 use crate::output::{Format, Pending, Rows, apart, audio_ending, named};
-use crate::phase::{Frames, Method, Played, check_rate};
+use crate::phase::{Frames, Method, Played, Scale, check_rate};
 
 /// Turn magnitude frames from NumPy into a signal with a phase-retrieval node
 #[derive(Debug, clap::Args)]
 #[command(after_help = crate::commands::examples(&[
-    "asperity invert --phase sample_commit --magnitudes frames.npy --rate 2500 --out signal.wav",
+    "asperity invert --phase sample_commit --magnitudes frames.npz --out signal.wav",
+    "asperity invert --magnitudes frames.npy --rate 2500 --scale dft --out signal.npy",
 ]))]
 pub struct Args {
     /// Phase-retrieval node, with its settings; `default` is the node of graphs/texture.ron.
     /// Offline methods: griffin_lim, fast_griffin_lim
     #[arg(long, value_name = "KIND[:param=value,...]", default_value = "default")]
     pub phase: String,
-    /// Magnitudes of unscaled Hann-windowed DFTs of 0.1 s, 2 ms apart: float32 [frames, bins], bin 0 first
-    #[arg(long, value_name = "S.npy")]
+    /// Magnitudes of 0.1 s under a Hann window, 2 ms apart: float32 [frames, bins], bin 0 first. A .npz file
+    /// states their rate and scale
+    #[arg(long, value_name = "S.npz|.npy")]
     pub magnitudes: PathBuf,
-    /// Sample rate of the signal
+    /// Sample rate of the signal, for a .npy file
     #[arg(long, value_name = "HZ")]
-    pub rate: u32,
+    pub rate: Option<u32>,
+    /// Scale of the magnitudes, for a .npy file: dft is |sum w x|, and amplitude is 2 |sum w x| / sum w, as
+    /// in a graph
+    #[arg(long, value_name = "dft|amplitude", value_parser = scale)]
+    pub scale: Option<Scale>,
     /// Output file: .wav (float) or .npy. Frame n begins at sample floor(n * rate / 500)
     #[arg(long, value_name = "Y.wav|.npy")]
     pub out: PathBuf,
@@ -38,18 +43,19 @@ pub struct Args {
     pub plugins: PluginArgs,
 }
 
+/// Parses `--scale`.
+fn scale(text: &str) -> Result<Scale, String> {
+    text.parse().map_err(|e: asperity_diagnostics::Diagnostic| e.help.unwrap_or(e.message))
+}
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     apart(named(&[("--magnitudes", Some(&args.magnitudes))]), named(&[("--out", Some(&args.out))]))?;
-    let rate = args.rate;
-    check_rate(&format!("--rate {rate}"), rate)?;
     let registry = kinds::registry(&args.plugins.plugin)?;
-    let array = npy::read(&args.magnitudes)?;
-    let &[_, bins] = array.shape.as_slice() else {
-        let what = format!("an array of shape {:?} does not fit", array.shape);
-        return Err(wrong(&args.magnitudes, what, "two dimensions: [frames, bins]"));
-    };
-    let (frames, bad) = Frames::from_unscaled(array.values.into_f32(), bins, rate)
-        .map_err(|e| e.in_file(&args.magnitudes))?;
+    if let Some(rate) = args.rate {
+        check_rate(&format!("--rate {rate}"), rate)?;
+    }
+    let (frames, bad) = Frames::read(&args.magnitudes, args.rate, args.scale)?;
+    let rate = frames.layout().rate_hz;
     if bad > 0 {
         warn(&format!("{bad} magnitudes are negative or not finite and are taken as 0"));
     }

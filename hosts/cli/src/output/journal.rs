@@ -20,13 +20,14 @@ const JOURNAL: &str = ".renames";
 
 /// Gives all files their names, or none, and returns the names.
 pub fn keep_all(files: Vec<Pending>) -> Result<Vec<PathBuf>, Failure> {
+    let files: Vec<Pending> = files.into_iter().map(Pending::packed).collect::<Result<_, _>>()?;
     let (standard, files): (Vec<_>, Vec<_>) = files.into_iter().partition(|file| is_standard(&file.path));
     for file in &files {
         file.temp.as_file().sync_all().map_err(|e| Failure::writing(&file.path, e))?;
     }
     let journal = if files.len() > 1 { write(&files)? } else { None };
     let mut kept = Vec::new();
-    for Pending { path, mut temp } in files {
+    for Pending { path, mut temp, .. } in files {
         std::fs::rename(temp.path(), &path).map_err(|e| Failure::writing(&path, e))?;
         temp.disable_cleanup(true);
         made::remember(&path);

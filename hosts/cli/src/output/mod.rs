@@ -16,6 +16,7 @@ use tempfile::{NamedTempFile, TempPath};
 use crate::failure::{self, Failure, clean, warn, without_path, wrong};
 
 pub use asperity_offline::load::{ending, is_standard};
+use asperity_offline::probe::Facts;
 pub use journal::keep_all;
 pub use salvage::{GROWING, Recovered, recover, salvage};
 
@@ -38,6 +39,8 @@ const PART: &str = ".part";
 pub struct Pending {
     path: PathBuf,
     temp: NamedTempFile,
+    /// For an archive, whose rows are a .npy file until it is kept.
+    facts: Option<Facts>,
 }
 
 impl Pending {
@@ -47,7 +50,7 @@ impl Pending {
         if is_standard(path) {
             failure::standard_output_is_taken();
             let temp = NamedTempFile::new().map_err(|e| Failure::writing(path, e))?;
-            return Ok(Self { path: path.to_owned(), temp });
+            return Ok(Self { path: path.to_owned(), temp, facts: None });
         }
         let (path, there) = free(path)?;
         journal::tidy(&path);
@@ -95,7 +98,7 @@ impl Pending {
             // Keep the permissions of the old file. A file system without permissions may refuse.
             let _ = temp.as_file().set_permissions(permissions);
         }
-        Self { path, temp }
+        Self { path, temp, facts: None }
     }
 
     pub fn file(&self) -> Result<File, Failure> {
@@ -105,6 +108,16 @@ impl Pending {
     pub fn fill(mut self, text: &str) -> Result<Self, Failure> {
         self.temp.write_all(text.as_bytes()).map_err(|e| Failure::writing(&self.path, e))?;
         Ok(self)
+    }
+
+    /// The archive of the rows, with what they mean; another file as it is.
+    fn packed(mut self) -> Result<Self, Failure> {
+        let Some(facts) = self.facts.take() else { return Ok(self) };
+        let whole = Self::create(&self.path)?;
+        let packed = facts.pack(&mut self.file()?, BufWriter::new(whole.file()?));
+        packed.map_err(|e| Failure::writing(&self.path, e))?;
+        self.temp.disable_cleanup(false);
+        Ok(whole)
     }
 
     /// Gives the file its final name, and returns that.
@@ -331,6 +344,12 @@ impl Rows {
     /// A .npy file of float32: one dimension for `None`, else rows of this many columns.
     pub fn npy(pending: Pending, columns: Option<usize>) -> Result<Self, Failure> {
         Self::new(pending, |file| npy::Writer::new(file, columns).map(To::Npy))
+    }
+
+    /// A .npz archive of such rows and of what they mean.
+    pub fn npz(mut pending: Pending, columns: Option<usize>, facts: Facts) -> Result<Self, Failure> {
+        pending.facts = Some(facts);
+        Self::npy(pending, columns)
     }
 
     /// A CSV file: a time in seconds, then the columns of this header.

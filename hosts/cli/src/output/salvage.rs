@@ -28,7 +28,11 @@ pub enum Recovered {
 pub fn recover(growing: &Path, first: u32) -> io::Result<Recovered> {
     let not_growing = || io::Error::new(io::ErrorKind::InvalidInput, "not a recording of a killed run");
     let name = growing.file_name().and_then(|n| n.to_str()).and_then(|n| n.strip_suffix(GROWING));
-    let path = growing.with_file_name(name.filter(|name| !name.is_empty()).ok_or_else(not_growing)?);
+    let mut path = growing.with_file_name(name.filter(|name| !name.is_empty()).ok_or_else(not_growing)?);
+    if ending(&path) == "npz" {
+        // An archive is packed at the end of a run. Until then its rows are an array.
+        path.set_extension("npy");
+    }
     let Some(mut file) = left_over(growing)? else { return Ok(Recovered::Busy) };
     let empty = file.metadata()?.len() == 0;
     if empty || salvage(&mut file, &ending(&path))? == Some(0) {
@@ -67,7 +71,7 @@ pub fn salvage(file: &mut File, ending: &str) -> io::Result<Option<u64>> {
     let len = file.metadata()?.len();
     match ending {
         "wav" => wav(file, len).map(Some),
-        "npy" => npy(file, len).map(Some),
+        "npy" | "npz" => npy(file, len).map(Some),
         "csv" => csv(file, len).map(|()| None),
         _ => Err(io::ErrorKind::InvalidData.into()),
     }

@@ -7,7 +7,8 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use asperity_accuracy::{npy, phase};
+use asperity_accuracy::npy::{self, Archive};
+use asperity_accuracy::phase;
 use asperity_diagnostics::{Diagnostic, file};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -25,7 +26,7 @@ const MAX_BYTES: u64 = 8 * npy::MAX_VALUES as u64 + (1 << 16);
 /// Bins of a signal's transform, from 0 to 1000 Hz.
 const BINS: usize = 101;
 
-const NAMES: &str = "NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
+const NAMES: &str = "NAME.npz holds magnitudes and their convention; NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
                      Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
 
 /// Magnitudes that methods turn into a signal.
@@ -58,7 +59,13 @@ impl Vector {
     /// A rate or a shape that does not fit, too few frames, magnitudes that are all 0.
     pub fn new(name: &str, rate_hz: u32, magnitudes: Vec<f32>, bins: usize) -> Result<Self, Diagnostic> {
         check_rate(&format!("a rate of {rate_hz} Hz"), rate_hz)?;
-        let (frames, bad) = Frames::from_unscaled(magnitudes, bins, rate_hz)?;
+        Self::of_frames(name, Frames::from_unscaled(magnitudes, bins, rate_hz)?)
+    }
+
+    /// A vector of frames, and the number of bad values that were in them.
+    fn of_frames(name: &str, (frames, bad): (Frames, u64)) -> Result<Self, Diagnostic> {
+        let layout = frames.layout();
+        let bins = layout.bins as usize;
         let least = 2 * phase::EDGE_FRAMES + 1;
         if frames.count() < least {
             let found = frames.count();
@@ -73,7 +80,7 @@ impl Vector {
             warn(&format!("{name}: {bad} magnitudes are negative or not finite and are taken as 0"));
         }
         let unscaled = frames.unscaled();
-        Ok(Self { name: name.to_owned(), rate_hz, frames: Arc::new(frames), unscaled })
+        Ok(Self { name: name.to_owned(), rate_hz: layout.rate_hz, frames: Arc::new(frames), unscaled })
     }
 
     /// A vector of the magnitudes of a signal.
@@ -171,7 +178,7 @@ pub fn read(dir: &Path) -> Result<Set, Failure> {
     for entry in std::fs::read_dir(dir).map_err(fail)? {
         let path = entry.map_err(fail)?.path();
         let name = path.to_string_lossy();
-        if [".mag.npy", ".sig.npy", "index.json", "sc.json"].iter().any(|end| name.ends_with(end)) {
+        if [".npz", ".mag.npy", ".sig.npy", "index.json", "sc.json"].iter().any(|end| name.ends_with(end)) {
             let bytes = file::read(&path, MAX_BYTES)?;
             files.insert(path, bytes.into());
         }
@@ -185,7 +192,7 @@ fn set(from: String, dir: &Path, files: Files) -> Result<Set, Failure> {
     let mut named: BTreeMap<&str, &Path> = BTreeMap::new();
     for path in files.keys() {
         let Some(file) = path.file_name().and_then(|n| n.to_str()) else { continue };
-        if let Some(name) = file.strip_suffix(".mag.npy") {
+        if let Some(name) = file.strip_suffix(".npz").or_else(|| file.strip_suffix(".mag.npy")) {
             named.insert(name, path);
         } else if let Some(name) = file.strip_suffix(".sig.npy") {
             named.entry(name).or_insert(path);
@@ -215,6 +222,9 @@ fn json<T: DeserializeOwned + Default>(files: &Files, path: &Path) -> Result<T, 
 }
 
 fn vector(name: &str, path: &Path, bytes: &[u8], index: &Value) -> Result<Vector, Diagnostic> {
+    if path.extension().is_some_and(|ending| ending == "npz") {
+        return Vector::of_frames(name, Frames::of_archive(&Archive::parse(bytes)?, None, None)?);
+    }
     let ending = name.rsplit_once('_').and_then(|(_, rate)| rate.parse().ok());
     let rate = index[name]["fs"].as_f64().or(ending);
     let Some(rate) = rate.filter(|r| r.fract() == 0.0 && (0.0..1e9).contains(r)) else {

@@ -4,6 +4,7 @@
 //! plays [`Frames`], the node, and an `overlap_add` if the node puts out spectra.
 
 mod frames;
+mod magnitudes;
 #[cfg(test)]
 pub mod tests;
 

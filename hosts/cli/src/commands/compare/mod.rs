@@ -22,9 +22,9 @@ use crate::phase::{Chain, Method, retrievers};
     "asperity compare --phase sample_commit:emission=0 --csv compare.csv",
 ]))]
 pub struct Args {
-    /// Folder of test vectors; by default the built-in set. NAME_RATE.mag.npy has magnitudes: float32
-    /// [frames, bins], unscaled DFTs of 0.1 s under a Hann window, 2 ms apart. NAME_RATE.sig.npy has a
-    /// signal, and sc.json published scores
+    /// Folder of test vectors; by default the built-in set. NAME.npz has magnitudes, and NAME_RATE.mag.npy
+    /// those of unscaled DFTs: float32 [frames, bins], 0.1 s under a Hann window, 2 ms apart.
+    /// NAME_RATE.sig.npy has a signal, and sc.json published scores
     #[arg(long, value_name = "DIR")]
     pub vectors: Option<PathBuf>,
     /// Add a row for a node with these settings

@@ -57,7 +57,7 @@ pub struct Args {
     #[arg(long, value_name = "R.json")]
     pub report: Option<PathBuf>,
     /// Record an output of a node to a file
-    #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy")]
+    #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy|.npz")]
     pub probe: Vec<String>,
     /// Picture file: position, speed, force, acceleration, current and a spectrogram
     #[arg(long, value_name = "P.svg")]
@@ -196,7 +196,7 @@ fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {
 /// Splits `NODE.PORT=FILE` of a probe.
 fn split_probe(text: &str) -> Result<(&str, &str), Diagnostic> {
     let fail = |m: String, help: String| Err(Diagnostic::new(m).in_file("--probe").help(help));
-    let form = || "NODE.PORT=FILE.csv or .npy".to_owned();
+    let form = || "NODE.PORT=FILE.csv, .npy or .npz".to_owned();
     let Some((port, file)) = text.split_once('=') else {
         return fail(format!("there is no `=` in `{text}`"), form());
     };

@@ -69,21 +69,21 @@ pub fn files(schedule: &Schedule) -> impl Iterator<Item = (PathBuf, String)> {
 impl Recorder {
     /// Recorders for every `probe` and `file_out` that names a file.
     pub fn for_sinks(schedule: &Schedule) -> Result<Vec<Self>, Failure> {
-        let nodes = schedule.nodes.iter().enumerate();
-        nodes.filter_map(|(i, node)| Self::for_sink(i, node, Pending::create).transpose()).collect()
+        let nodes = 0..schedule.nodes.len();
+        nodes.filter_map(|i| Self::for_sink(schedule, i, Pending::create).transpose()).collect()
     }
 
     /// A recorder for a node, by its index; `None` for a node that writes no file.
-    pub fn for_sink(i: usize, node: &ScheduledNode, open: Open) -> Result<Option<Self>, Failure> {
+    pub fn for_sink(schedule: &Schedule, i: usize, open: Open) -> Result<Option<Self>, Failure> {
+        let node = &schedule.nodes[i];
+        let new = |file, shape, unit: &str| {
+            Self::new(file, open, Probe { node: i, shape }, unit, schedule.tick_hz).map(Some)
+        };
         let Some(file) = file_of(node) else { return Ok(None) };
         permit(node, file)?;
         match (node.role, node.inputs.first().and_then(|input| input.port.as_ref())) {
-            (Some(Role::Probe), Some(port)) => {
-                Self::new(file, open, i, port.shape, &port.unit.to_string()).map(Some)
-            }
-            (Some(Role::Recorder), _) => {
-                Self::new(file, open, i, node.outputs[0].port.shape, "value").map(Some)
-            }
+            (Some(Role::Probe), Some(port)) => new(file, port.shape, &port.unit.to_string()),
+            (Some(Role::Recorder), _) => new(file, node.outputs[0].port.shape, "value"),
             _ => Ok(None),
         }
     }
@@ -93,8 +93,8 @@ impl Recorder {
         Self { next: None, ..self }
     }
 
-    fn new(path: &Path, open: Open, node: usize, shape: Shape, unit: &str) -> Result<Self, Failure> {
-        let probe = Probe { node, shape };
+    fn new(path: &Path, open: Open, probe: Probe, unit: &str, tick_hz: u32) -> Result<Self, Failure> {
+        let shape = probe.shape;
         let columns = probe.columns();
         let names: Vec<String> = match shape {
             Shape::Control { count: 1 } | Shape::Audio { .. } => vec![unit.to_owned()],
@@ -110,9 +110,12 @@ impl Recorder {
         };
         let rows = match (ending(path).as_str(), shape) {
             ("npy", _) => Rows::npy(open(path)?, (columns > 1).then_some(columns))?,
+            ("npz", _) => {
+                Rows::npz(open(path)?, (columns > 1).then_some(columns), probe.facts(unit, tick_hz))?
+            }
             ("csv", _) => Rows::csv(open(path)?, &names)?,
             ("wav", Shape::Audio { rate_hz }) => Rows::wav(open(path)?, 1, rate_hz, Format::F32)?,
-            _ => return Err(unknown_format(path, "a .csv or .npy file; .wav for audio").into()),
+            _ => return Err(unknown_format(path, "a .csv, .npy or .npz file; .wav for audio").into()),
         };
         let most = if ending(path) == "wav" { MOST_WAV } else { u64::MAX };
         let (next, stopped, complaint) = (Some(0), false, None);
@@ -257,7 +260,8 @@ mod tests {
 
     fn recorder(path: &Path, most: u64) -> Recorder {
         let shape = Shape::Audio { rate_hz: 48_000 };
-        Recorder { most, ..Recorder::new(path, Pending::create, 0, shape, "value").expect("a file") }
+        let probe = Probe { node: 0, shape };
+        Recorder { most, ..Recorder::new(path, Pending::create, probe, "value", 500).expect("a file") }
     }
 
     #[test]

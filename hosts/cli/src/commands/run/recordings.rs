@@ -53,7 +53,7 @@ pub fn recorders(schedule: &Schedule, begun: &[Sink]) -> Result<Vec<(Sink, Recor
     let mut new = Vec::new();
     for (i, node) in schedule.nodes.iter().enumerate() {
         let Some(sink) = Sink::of(node).filter(|sink| !goes_on(begun, sink)) else { continue };
-        new.extend(Recorder::for_sink(i, node, Pending::recording)?.map(|recorder| (sink, recorder)));
+        new.extend(Recorder::for_sink(schedule, i, Pending::recording)?.map(|recorder| (sink, recorder)));
     }
     Ok(new)
 }
