@@ -55,13 +55,13 @@ test: setup-tests
 	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
 	CARGO="$(CARGO)" sh scripts/python.sh $(WITHOUT)
 
-# The program without tract, as `make demo` builds it, renders the same bytes as the whole one, and says what it
-# refuses. The whole one is that of `make test`.
+# The program without tract renders the same bytes as the whole one, and says what it refuses. Both are built with the
+# features of the whole workspace, so that `make test` has built all but the program itself.
 test-demo: setup
 	mkdir -p $(OUT)
-	$(CARGO) test --workspace $(WITHOUT) --no-run
+	$(CARGO) build --workspace $(WITHOUT) --bin asperity
 	cp $(BUILT)/asperity $(OUT)/whole
-	$(CARGO) build -p asperity --no-default-features
+	$(CARGO) build --workspace $(WITHOUT) --no-default-features --bin asperity
 	cp $(BUILT)/asperity $(OUT)/plain
 	for program in whole plain; do \
 	    $(OUT)/$$program render graphs/texture.ron --seconds 2 --out $(OUT)/$$program.wav || exit 1; done

@@ -7,6 +7,7 @@ use harness::networks::{Net, Spelling, bytes, heads, motions, scattering, textur
 #[test]
 fn packed_runs_allocate_nothing_unlike_tract() {
     let made = scattering(&Net::random(1), Spelling::default(), &heads(1));
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     let model = Model::from_bytes(&bytes(&made), "made.onnx").unwrap();
     let textures = textures(3, 1);
     let motions = motions(50, 2);

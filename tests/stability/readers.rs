@@ -128,5 +128,6 @@ fn session(bytes: &[u8]) -> bool {
 }
 
 fn onnx(bytes: &[u8]) -> bool {
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     Model::from_bytes(bytes, Path::new("it.onnx")).is_ok()
 }

@@ -16,6 +16,7 @@ const BATCH: u32 = 20;
 const ROUNDS: usize = 2000;
 
 fn main() {
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     // `cargo test --benches` calls this only to see that it runs.
     let rounds = if std::env::args().any(|a| a == "--bench") { ROUNDS } else { 3 };
     let model =

@@ -2,13 +2,14 @@
 
 use crate::onnx::{GraphProto, ModelProto, ValueInfoProto};
 use crate::picture::{IMAGE, Image};
-use crate::plan::Plan;
+use crate::plan::{self, Run};
 use crate::proto::{self, MAX_ENCODER_BYTES};
 use crate::signature::{TEXTURE_LEN, fed_inputs, is_float, refused, shape};
 use crate::statistics::{self, PICTURE, Statistics, Strangeness};
 use asperity_diagnostics::{Diagnostic, Source, file};
 use std::fmt;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 const WANTED: &str =
     "an encoder has the float input image [1,3,192,256] and the float output texture [1,256]";
@@ -16,7 +17,7 @@ const WANTED: &str =
 /// An encoder, checked and compiled by tract. For a control thread: it allocates and takes milliseconds.
 pub struct Encoder {
     path: PathBuf,
-    plan: Plan,
+    plan: Arc<Run>,
     layers: Vec<Channels>,
     statistics: Option<Statistics>,
 }
@@ -81,7 +82,7 @@ impl Encoder {
         let [rows, columns] = IMAGE;
         let inputs = [vec![1, 3, rows, columns]];
         let model = ModelProto { graph: Some(graph), ..model };
-        let plan = Plan::compile(&model, path, &inputs, MAX_ENCODER_BYTES, WANTED)?;
+        let plan = plan::compile(&model, path, &inputs, MAX_ENCODER_BYTES, WANTED)?;
         let encoder = Self { path: path.to_owned(), plan, layers, statistics: None };
         // A graph may compile and still fail, or return something unexpected.
         match encoder.run(&vec![0; 3 * rows * columns]) {
@@ -140,7 +141,7 @@ impl Encoder {
             .flat_map(|channel| pixels.iter().skip(channel).step_by(3))
             .map(|x| f32::from(*x) / 255.0)
             .collect();
-        let mut answers = self.plan.run(&[&planes])?.into_iter();
+        let mut answers = (self.plan)(&[&planes])?.into_iter();
         let vector = answers.next()?;
         let of = |((_, channels), values): (&Channels, Vec<f32>)| statistics::features(&values, *channels);
         Some((vector, self.layers.iter().zip(answers).map(of).collect::<Option<_>>()?))

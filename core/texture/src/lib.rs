@@ -6,8 +6,8 @@
 //!
 //! Any graph with the right signature runs in tract, which allocates. A plain multilayer perceptron is
 //! lowered to packed kernels that do not allocate, if they agree with tract. [`Runner::describe`] says
-//! which one runs, and how far apart they are. Without the feature `tract` only such networks run, and
-//! there is no encoder; kernels are compared with the network in f64.
+//! which one runs, and how far apart they are. A program without tract runs only such
+//! networks, and no encoder; kernels are compared with the network in f64.
 //!
 //! Median time of a run of the shipped sizes (419,700 multiply-adds), on 2 cores of a virtual Intel
 //! Xeon under other load, by `cargo bench -p asperity-texture`. f32 on AVX-512: 15.0 us, 1.2 times a
@@ -25,7 +25,6 @@ mod model;
 pub mod onnx;
 mod packed;
 pub mod picture;
-#[cfg_attr(not(feature = "tract"), path = "no_plan.rs")]
 mod plan;
 mod proto;
 mod range;
@@ -45,6 +44,7 @@ pub use library::{
     Pattern, VECTOR_LEN, Wave,
 };
 pub use model::Model;
+pub use plan::{Compile, Run, run_graphs_by};
 pub use proto::{MAX_ENCODER_BYTES, MAX_MODEL_BYTES};
 pub use range::{Range, hold_magnitudes};
 pub use runner::{Answer, Choice, Executor, Info, MAX_MATERIALS, NOISE_RATIO, Precision, RunError, Runner};

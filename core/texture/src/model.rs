@@ -1,6 +1,7 @@
 //! A model from its file, before it has materials.
 
 use crate::lower::Lowered;
+use crate::plan;
 use crate::proto::{self, MAX_MODEL_BYTES};
 use crate::reference::Reference;
 use crate::runner::{Runner, Wanted};
@@ -42,7 +43,7 @@ impl Model {
     /// # Errors
     /// A file that cannot be read or is not an ONNX model; weights stored elsewhere; a signature that does
     /// not fit (with the shapes found); an invalid trained range or target; a graph that tract cannot run
-    /// or with tensors that are too large. Without the feature `tract`: no multilayer perceptron.
+    /// or with tensors that are too large. Without tract: no multilayer perceptron.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Diagnostic> {
         let path = path.as_ref();
         Self::from_bytes(&file::read(path, MAX_MODEL_BYTES)?, path)
@@ -65,7 +66,7 @@ impl Model {
         let opset = own.map_or(0, |set| set.version);
         let lowered = Lowered::new(&graph, opset, &signature);
         let reference = match Reference::new(&model, &graph, &signature, path) {
-            Err(e) if cfg!(feature = "tract") || lowered.is_err() => return Err(e),
+            Err(e) if plan::runs_any_graph() || lowered.is_err() => return Err(e),
             reference => reference,
         };
         let (trained, target) = trained::read(&model.metadata_props, path)?;

@@ -1,138 +1,53 @@
-//! Runs any graph by tract, once the sizes of all its tensors are known.
+//! What runs any ONNX graph: tract, where the program has it.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::onnx::ModelProto;
-use asperity_diagnostics::{Diagnostic, budget};
+use asperity_diagnostics::Diagnostic;
 use prost::Message;
-use tract_onnx::prelude::*;
-use tract_onnx::tract_hir::internal::*;
-use tract_onnx::tract_hir::tract_core::model::order::eval_order_for_nodes;
 
-/// A compiled graph with the shapes of its inputs. Cheap to clone.
-#[derive(Clone)]
-pub(crate) struct Plan(Arc<TypedRunnableModel>, Vec<Vec<usize>>);
+/// Names the command that builds tract in.
+const INSTALL: &str = "`cargo install --locked --path hosts/cli` installs a program that has it";
 
-impl Plan {
-    /// Compiles the graph of the file `path` for f32 `inputs` of these shapes.
-    ///
-    /// `most_bytes` is the largest file of this kind of model. Its tensors have at most twice as many
-    /// numbers. `help` describes such a model.
-    ///
-    /// # Errors
-    /// A graph that tract cannot run; tensors that are too large, all together.
-    pub(crate) fn compile(
-        model: &ModelProto,
-        path: &Path,
-        inputs: &[Vec<usize>],
-        most_bytes: u64,
-        help: &str,
-    ) -> Result<Self, Diagnostic> {
-        let wanted = Wanted { path, inputs, most_bytes, help };
-        // tract panics on some malformed graphs that pass all earlier checks.
-        catch_unwind(AssertUnwindSafe(|| wanted.plan(model)))
-            .unwrap_or_else(|_| Err(wanted.refuse("tract panicked over this model".into())))
-    }
+/// `asperity_tract::compile`: from the bytes of a model, its name in errors, shapes of the inputs, the largest
+/// size of such a file and a help, to a function from inputs to outputs.
+pub type Compile = fn(&[u8], &Path, &[Vec<usize>], u64, &str) -> Result<Arc<Run>, Diagnostic>;
 
-    /// The outputs for these inputs; `None` where tract fails or an output is not of f32. Allocates.
-    pub(crate) fn run(&self, inputs: &[&[f32]]) -> Option<Vec<Vec<f32>>> {
-        let inputs = inputs.iter().zip(&self.1).map(|(data, shape)| Tensor::from_shape(shape, data));
-        let inputs: Option<TVec<TValue>> = inputs.map(|tensor| Some(tensor.ok()?.into_tvalue())).collect();
-        let inputs = inputs?;
-        let results = catch_unwind(AssertUnwindSafe(|| self.0.run(inputs))).ok()?.ok()?;
-        results.iter().map(|r| Some(r.try_as_plain_ram().ok()?.as_slice::<f32>().ok()?.to_vec())).collect()
-    }
+/// A compiled graph: from its inputs to its outputs, or `None` where it fails.
+pub type Run = dyn Fn(&[&[f32]]) -> Option<Vec<Vec<f32>>> + Send + Sync;
+
+static COMPILE: OnceLock<Compile> = OnceLock::new();
+
+/// Lets models that are no plain multilayer perceptron, and encoders, run by `compile`. A program calls it
+/// before it loads the first model. Later calls change nothing.
+pub fn run_graphs_by(compile: Compile) {
+    let _ = COMPILE.set(compile);
 }
 
-/// A model to compile, as [`Plan::compile`] takes it.
-struct Wanted<'a> {
-    path: &'a Path,
-    inputs: &'a [Vec<usize>],
+fn compiler() -> Option<Compile> {
+    #[cfg(test)]
+    run_graphs_by(asperity_tract::compile);
+    COMPILE.get().copied()
+}
+
+/// Whether this program runs any graph.
+pub(crate) fn runs_any_graph() -> bool {
+    compiler().is_some()
+}
+
+/// Compiles a model, of which only the checked parts are passed on.
+pub(crate) fn compile(
+    model: &ModelProto,
+    path: &Path,
+    inputs: &[Vec<usize>],
     most_bytes: u64,
-    help: &'a str,
-}
-
-impl Wanted<'_> {
-    fn plan(&self, model: &ModelProto) -> Result<Plan, Diagnostic> {
-        let told = |e: TractError| {
-            let cause: String = format!("{e:#}").chars().take(400).collect();
-            self.refuse(format!("tract cannot run this model: {cause}"))
-        };
-        let mut model = self.parse(model).map_err(told)?;
-        self.count(&mut model).map_err(told)??;
-        model
-            .into_optimized()
-            .and_then(|model| model.into_runnable())
-            .map(|plan| Plan(plan, self.inputs.to_vec()))
-            .map_err(told)
-    }
-
-    fn refuse(&self, what: String) -> Diagnostic {
-        Diagnostic::new(what).in_file(self.path).help(self.help)
-    }
-
-    fn parse(&self, model: &ModelProto) -> TractResult<InferenceModel> {
-        // Only the checked parts of the file reach tract, in its own types.
-        let model = tract_onnx::pb::ModelProto::decode(model.encode_to_vec().as_slice())?;
-        // Shapes inside the graph are computed anew: those in the file may be for another batch size.
-        let parsed = tract_onnx::onnx().with_ignore_value_info(true).parse(&model, None)?;
-        if let Some(name) = parsed.unresolved_inputs.first() {
-            return Err(TractError::msg(format!("nothing gives \"{name}\"")));
-        }
-        let mut model = parsed.model;
-        for (i, shape) in self.inputs.iter().enumerate() {
-            model = model.with_input_fact(i, f32::fact(shape).into())?;
-        }
-        Ok(model)
-    }
-
-    /// Counts the numbers in all tensors, node by node. A constant is computed only after it was
-    /// counted: sizes of later ones may follow from it.
-    fn count(&self, model: &mut InferenceModel) -> TractResult<Result<(), Diagnostic>> {
-        let most = self.most_bytes / 2;
-        let (mut numbers, mut bytes) = (0_u64, 0_u64);
-        // tract computes constants that no output needs, too.
-        let all: Vec<usize> = model.nodes().iter().map(|node| node.id).collect();
-        for id in eval_order_for_nodes(model.nodes(), &[], &all, &[])? {
-            let node = model.node(id);
-            let (inputs, outputs) = model.node_facts(id)?;
-            let observed = node.op.observe_outlets(model, node)?;
-            let observed: TVec<&InferenceFact> =
-                observed.iter().map(|outlet| model.outlet_fact(*outlet)).collect::<TractResult<_>>()?;
-            let mut op: Box<dyn InferenceOp> = node.op.clone();
-            let shapes = op.infer_facts(inputs.clone(), outputs.clone(), observed.clone())?.1;
-            for fact in &shapes {
-                let size = fact.datum_type.concretize().map_or(8, |kind| kind.size_of() as u64);
-                let len = elements(&fact.shape);
-                numbers = numbers.saturating_add(len);
-                bytes = bytes.saturating_add(len.saturating_mul(size));
-            }
-            let title = || format!("node \"{:.60}\" ({:.60})", node.name, node.op.name());
-            if numbers > most {
-                let what = format!("{} brings the tensors to {numbers} elements", title());
-                return Ok(Err(self.refuse(format!("{what}; at most {most} are made"))));
-            }
-            // tract holds constants as read, as transposed and as packed.
-            if let Err(e) = budget::needs(bytes.saturating_mul(3)) {
-                let what = format!("{}: {}", title(), e.message);
-                return Ok(Err(Diagnostic { message: what, ..e }.in_file(self.path)));
-            }
-            let known = op.infer(inputs, outputs, observed)?.1;
-            for (slot, fact) in known.into_iter().enumerate() {
-                model.set_outlet_fact(OutletId::new(id, slot), fact)?;
-            }
-        }
-        Ok(Ok(()))
-    }
-}
-
-/// Number of elements of a shape; 0 while it is unknown.
-fn elements(shape: &ShapeFactoid) -> u64 {
-    let sizes = shape.concretize().unwrap_or_default();
-    let sizes = sizes.iter().map(|size| size.to_i64().ok().and_then(|size| u64::try_from(size).ok()));
-    sizes
-        .collect::<Option<Vec<u64>>>()
-        .map_or(0, |sizes| sizes.iter().fold(1, |n, size| n.saturating_mul(*size)))
+    help: &str,
+) -> Result<Arc<Run>, Diagnostic> {
+    let Some(compile) = compiler() else {
+        return Err(Diagnostic::new("tract would run this model, and this program is built without it")
+            .in_file(path)
+            .help(INSTALL));
+    };
+    compile(&model.encode_to_vec(), path, inputs, most_bytes, help)
 }

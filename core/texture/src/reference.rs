@@ -1,16 +1,17 @@
 //! The model run by tract: any graph of the signature, about 200 allocations a run.
 
 use crate::onnx::{GraphProto, ModelProto};
-use crate::plan::Plan;
+use crate::plan::{self, Run};
 use crate::proto::MAX_MODEL_BYTES;
 use crate::signature::{FORCE_LEN, Role, SPEED_LEN, Signature, TEXTURE_LEN, WANTED};
 use asperity_diagnostics::Diagnostic;
 use std::path::Path;
+use std::sync::Arc;
 
 /// A compiled plan. Cheap to clone.
 #[derive(Clone)]
 pub(crate) struct Reference {
-    plan: Plan,
+    plan: Arc<Run>,
     order: [Role; 3],
 }
 
@@ -28,7 +29,7 @@ impl Reference {
         graph.output = signature.outputs.iter().filter_map(|(name, _)| of(name)).collect();
         let inputs: Vec<Vec<usize>> = signature.inputs.iter().map(|(_, role)| vec![1, role.len()]).collect();
         let model = ModelProto { graph: Some(graph), ..model.clone() };
-        let plan = Plan::compile(&model, path, &inputs, MAX_MODEL_BYTES, WANTED)?;
+        let plan = plan::compile(&model, path, &inputs, MAX_MODEL_BYTES, WANTED)?;
         let roles: Vec<Role> = signature.inputs.iter().map(|(_, role)| *role).collect();
         let order = roles.try_into().map_err(|_| refuse("this model has not 3 inputs".into()))?;
         let reference = Self { plan, order };
@@ -45,7 +46,7 @@ impl Reference {
     }
 
     fn results(&self, texture: &[f32], force: &[f32], speed: &[f32]) -> Option<Vec<Vec<f32>>> {
-        self.plan.run(&self.order.map(|role| match role {
+        (self.plan)(&self.order.map(|role| match role {
             Role::Force => force,
             Role::Speed => speed,
             Role::Texture => texture,

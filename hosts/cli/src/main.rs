@@ -55,6 +55,8 @@ const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("ASPERITY_BU
 
 fn main() -> ExitCode {
     host::set(Host { warn: failure::warn, ask: commands::trust::ask, survives: commands::plugin::survives });
+    #[cfg(feature = "tract")]
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     simulated::register();
     let cli = Cli::from_arg_matches(&commands::command().get_matches()).unwrap_or_else(|e| e.exit());
     let _staying = leave::on_purpose_only();

@@ -44,6 +44,8 @@ mod _asperity {
 
     #[pymodule_init]
     fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+        #[cfg(feature = "tract")]
+        asperity_texture::run_graphs_by(asperity_tract::compile);
         host::set(Host { warn: error::warn, ask: |_, _| false, survives: |_, _| Ok(()) });
         Ok(())
     }

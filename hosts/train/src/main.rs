@@ -43,6 +43,7 @@ impl From<Diagnostic> for Failure {
 }
 
 fn main() -> ExitCode {
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     // The threads of a step's matrix products.
     let flushed = |_| std::mem::forget(Flushed::new());
     if let Err(e) = rayon::ThreadPoolBuilder::new().start_handler(flushed).build_global() {

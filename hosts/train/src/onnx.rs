@@ -254,6 +254,7 @@ mod tests {
 
     #[test]
     fn written_encoder_answers_as_trained_one_at_both_sizes() {
+        asperity_texture::run_graphs_by(asperity_tract::compile);
         let (device, random) = (Device::flex(), &mut Random::new(8));
         let image = Image { size: IMAGE, pixels: (0..PIXELS).map(|_| random.below(256) as u8).collect() };
         for preset in [Preset::Compact, Preset::Paper] {

@@ -74,6 +74,7 @@ fn script() -> Vec<Asked> {
 
 #[test]
 fn repeated_input_gives_the_networks_own_output() {
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     for (precision, executor) in [("f32", "auto"), ("int8", "auto"), ("f64", "auto"), ("f32", "tract")] {
         let [mut it, mut fresh] = [0, 1].map(|_| network(precision, executor));
         let range = Range::new(Model::load(format!("{MODELS}texture.onnx")).unwrap().trained());
