@@ -131,7 +131,7 @@ impl Function {
         let Self { shape, axis, threshold, slope, guess, lapse } = *self;
         require(threshold.is_finite(), "threshold", threshold, "a finite number")?;
         let positive = threshold > 0.0 || (shape, axis) != (Shape::Weibull, Axis::Linear);
-        require(positive, "threshold", threshold, "a number above 0, for instance 1, or a logarithmic axis")?;
+        require(positive, "threshold", threshold, "a number above 0, for instance 1, or levels in decibels")?;
         require(slope > 0.0 && slope.is_finite(), "slope", slope, "a number above 0, for instance 3.5")?;
         require((0.0..1.0).contains(&guess), "guess", guess, "0 or more and less than 1, for instance 0.5")?;
         require(

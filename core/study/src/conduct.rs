@@ -12,6 +12,7 @@ use serde_json::{Map, Value, json};
 
 use crate::file::{Experiment, Sides, StimulusKind, word_of};
 use crate::log::Event;
+use crate::method::Varied;
 use crate::plan::Trial;
 use crate::progress::{Progress, Step};
 use crate::question::{Answer, Question, QuestionKind};
@@ -129,8 +130,8 @@ pub struct Felt {
     pub stimulus: usize,
     /// The stimulus with the trial's levels filled in.
     pub kind: StimulusKind,
-    /// Setting and value of the varied parameter.
-    pub vary: Option<(String, f64)>,
+    /// The varied parameter.
+    pub vary: Option<Varied>,
 }
 
 /// A participant's session.
@@ -475,7 +476,7 @@ impl<'e> Conduct<'e> {
                 side,
                 stimulus,
                 kind: self.experiment.shown(trial, stimulus),
-                vary: vary.zip(level).map(|(vary, level)| (vary.set.clone(), level)),
+                vary: vary.zip(level).map(|(vary, level)| vary.at(level)),
             })
         };
         match self.state {

@@ -9,7 +9,7 @@ use asperity_diagnostics::{Diagnostic, Place, Source, one_of};
 
 use crate::method::Vary;
 use crate::person::Person;
-use crate::question::{self, Question};
+use crate::question::{self, Question, QuestionKind};
 use crate::test::{self, Test};
 
 /// First word of the file.
@@ -553,15 +553,18 @@ fn part(value: &Value, named: Named<'_>) -> Result<Part, Diagnostic> {
         "perceptual" => Matching::Perceptual,
         _ => Matching::Off,
     };
-    let vary = record.optional("vary").map(|v| Vary::read(v, named)).transpose()?;
+    let listed = record.optional("ask");
+    let ask = list(listed, Question::read)?;
+    let chooses = ask.iter().any(|q| q.kind == QuestionKind::Which);
+    // With a reference, one of the choices is right.
+    let chance = if reference.is_some() && chooses { 1.0 / most.max(1) as f64 } else { 0.0 };
+    let vary = record.optional("vary").map(|v| Vary::read(v, named, chance)).transpose()?;
     if let Some(matched) = matched.filter(|_| level != Matching::Off)
         && most + usize::from(reference.is_some()) < 2
         && vary.is_none()
     {
         return Err(matched.error("a trial of this part has one stimulus: there is no level to match"));
     }
-    let listed = record.optional("ask");
-    let ask = list(listed, Question::read)?;
     let trial_s = record.optional("trial_s").map_or(Ok(20.0), |v| v.f64_in(0.1..=3600.0, "s"))?;
     let tested = record.optional("tests");
     let it = Part {

@@ -28,7 +28,7 @@ pub use analysis::Analysis;
 pub use conduct::{Conduct, Felt, Given, Press, Refused, Side};
 pub use export::sidecar;
 pub use file::{Experiment, Factor, Masking, Matching, Order, Part, Sides, Stimulus, StimulusKind};
-pub use method::{Method, Vary};
+pub use method::{Method, Varied, Vary};
 pub use person::Person;
 pub use plan::Trial;
 pub use progress::{Progress, Step, Track};

@@ -15,9 +15,22 @@ pub struct Vary {
     pub stimulus: usize,
     /// Setting, such as `strength.gain`.
     pub set: String,
+    /// Place of the setting in the file.
+    pub set_place: Place,
     /// How levels are chosen.
     pub method: Method,
     /// Its place in the file.
+    pub place: Place,
+}
+
+/// A level of a varied parameter.
+#[derive(Clone, Debug)]
+pub struct Varied {
+    /// Setting, such as `strength.gain`.
+    pub set: String,
+    /// Its value.
+    pub level: f64,
+    /// Place of the setting in the file.
     pub place: Place,
 }
 
@@ -39,22 +52,51 @@ pub enum Method {
     },
 }
 
+impl Method {
+    /// The lowest and the highest level.
+    pub fn range(&self) -> [f64; 2] {
+        let levels = match self {
+            Self::Staircase(settings) => vec![settings.floor, settings.ceiling],
+            Self::Quest(settings) => settings.levels().unwrap_or_default(),
+            Self::Constant { levels, .. } => levels.clone(),
+        };
+        levels.iter().fold([f64::MAX, f64::MIN], |[low, high], x| [low.min(*x), high.max(*x)])
+    }
+
+    /// Probability of a hit by chance, where the analysis takes one as known.
+    pub fn guess(&self) -> Option<f64> {
+        match self {
+            Self::Quest(QuestSettings { guess: Grid::Values { of }, .. }) if of.len() == 1 => Some(of[0]),
+            Self::Constant { fit, .. } => Some(fit.guess),
+            _ => None,
+        }
+    }
+}
+
 impl Vary {
-    pub(crate) fn read(value: &Value, named: Named<'_>) -> Result<Self, Diagnostic> {
+    /// The parameter at a level.
+    pub fn at(&self, level: f64) -> Varied {
+        Varied { set: self.set.clone(), level, place: self.set_place.clone() }
+    }
+
+    /// Reads the parameter of a part whose question is answered right by chance with the probability
+    /// `chance`; 0 for a comparison, which has no right answer.
+    pub(crate) fn read(value: &Value, named: Named<'_>, chance: f64) -> Result<Self, Diagnostic> {
         let mut record = value.record("Vary")?;
         let of = record.required("stimulus")?;
         let stimulus = named.stimulus(of)?;
         if !matches!(named.stimuli[stimulus].kind, StimulusKind::Graph { .. }) {
             return Err(of.error("this stimulus has no parameters").help("name one of kind `graph(...)`"));
         }
-        let set = words(record.required("set")?)?;
+        let listed = record.required("set")?;
+        let (set, set_place) = (words(listed)?, listed.place());
         let by = record.required("by")?;
         let name = variant(by, &["staircase", "quest", "constant"])?;
         let mut fields = by.record(name)?;
         let method = match name {
             "staircase" => Method::Staircase(staircase(&mut fields)?),
-            "quest" => Method::Quest(quest(&mut fields)?),
-            _ => constant(&mut fields)?,
+            "quest" => Method::Quest(quest(&mut fields, chance)?),
+            _ => constant(&mut fields, chance)?,
         };
         fields.finish()?;
         let refused = match &method {
@@ -66,7 +108,7 @@ impl Vary {
             return Err(at_its_field(by, why));
         }
         record.finish()?;
-        Ok(Self { stimulus, set, method, place: value.place() })
+        Ok(Self { stimulus, set, set_place, method, place: value.place() })
     }
 }
 
@@ -107,26 +149,38 @@ fn staircase(record: &mut Record<'_>) -> Result<StaircaseSettings, Diagnostic> {
     })
 }
 
-fn quest(record: &mut Record<'_>) -> Result<QuestSettings, Diagnostic> {
+/// Settings of a fit that a part uses without others: a Weibull function for a task with a right answer, and
+/// a Gaussian one for a comparison.
+fn usual(chance: f64) -> FitSettings {
+    let shape = if chance > 0.0 { Shape::Weibull } else { Shape::Gaussian };
+    FitSettings {
+        shape,
+        guess: chance,
+        lapse: if chance > 0.0 { 0.02 } else { 0.0 },
+        ..FitSettings::default()
+    }
+}
+
+fn quest(record: &mut Record<'_>, chance: f64) -> Result<QuestSettings, Diagnostic> {
     let one = |value: f64| Ok(Grid::Values { of: vec![value] });
     Ok(QuestSettings {
-        shape: record.optional("shape").map_or(Ok(Shape::Weibull), shape)?,
-        axis: record.optional("axis").map_or(Ok(Axis::Linear), axis)?,
+        shape: record.optional("shape").map_or(Ok(usual(chance).shape), shape)?,
+        axis: record.optional("unit").map_or(Ok(Axis::Linear), unit)?,
         levels: grid(record.required("levels")?)?,
         threshold: grid(record.required("threshold")?)?,
         slope: grid(record.required("slope")?)?,
-        guess: record.optional("guess").map_or_else(|| one(0.5), grid)?,
+        guess: record.optional("guess").map_or_else(|| one(chance), grid)?,
         lapse: record.optional("lapse").map_or_else(|| one(0.02), grid)?,
         trials: count(record.required("trials")?)?,
         threshold_sd: record.optional("threshold_sd").map(Value::f64).transpose()?,
     })
 }
 
-fn constant(record: &mut Record<'_>) -> Result<Method, Diagnostic> {
+fn constant(record: &mut Record<'_>, chance: f64) -> Result<Method, Diagnostic> {
     let listed = record.required("levels")?;
     let levels = numbers(listed)?;
     let each = record.required("each")?.i64_in(1..=1000, "trials")? as u32;
-    let fit = record.optional("fit").map_or(Ok(FitSettings::default()), fit)?;
+    let fit = record.optional("fit").map_or_else(|| Ok(usual(chance)), |v| fit(v, chance))?;
     if levels.len() < 2 {
         return Err(listed.error("a function needs two levels at least"));
     }
@@ -137,14 +191,14 @@ fn constant(record: &mut Record<'_>) -> Result<Method, Diagnostic> {
     Ok(Method::Constant { levels, each, fit })
 }
 
-fn fit(value: &Value) -> Result<FitSettings, Diagnostic> {
+fn fit(value: &Value, chance: f64) -> Result<FitSettings, Diagnostic> {
     let mut record = value.record("Fit")?;
-    let usual = FitSettings::default();
+    let usual = usual(chance);
     let lapse = record.optional("lapse").map_or(Ok(usual.lapse), |v| v.f64_in(0.0..=0.99, ""))?;
     let settings = FitSettings {
-        shape: shape(record.required("shape")?)?,
-        axis: axis(record.required("axis")?)?,
-        guess: record.required("guess")?.f64_in(0.0..=0.99, "")?,
+        shape: record.optional("shape").map_or(Ok(usual.shape), shape)?,
+        axis: record.optional("unit").map_or(Ok(usual.axis), unit)?,
+        guess: record.optional("guess").map_or(Ok(usual.guess), |v| v.f64_in(0.0..=0.99, ""))?,
         lapse,
         lapse_up_to: record.optional("lapse_up_to").map(|v| v.f64_in(lapse..=0.99, "")).transpose()?,
         confidence: record
@@ -160,7 +214,7 @@ pub(crate) fn function(value: &Value) -> Result<Function, Diagnostic> {
     let mut record = value.record("Function")?;
     let function = Function {
         shape: shape(record.required("shape")?)?,
-        axis: axis(record.required("axis")?)?,
+        axis: record.optional("unit").map_or(Ok(Axis::Linear), unit)?,
         threshold: record.required("threshold")?.f64()?,
         slope: record.required("slope")?.f64()?,
         guess: record.required("guess")?.f64()?,
@@ -179,7 +233,8 @@ fn shape(value: &Value) -> Result<Shape, Diagnostic> {
     })
 }
 
-fn axis(value: &Value) -> Result<Axis, Diagnostic> {
+/// Unit of the varied parameter.
+fn unit(value: &Value) -> Result<Axis, Diagnostic> {
     Ok(match value.choice(&["linear", "log10", "decibel"])? {
         "log10" => Axis::Log10,
         "decibel" => Axis::Decibel,

@@ -127,6 +127,31 @@ impl Experiment {
         found
     }
 
+    /// What looks like a mistake in the model of a person, in sentences.
+    pub fn doubts(&self) -> Vec<String> {
+        let Some(function) = &self.person.function else { return Vec::new() };
+        let mut found = Vec::new();
+        for part in &self.parts {
+            let Some(vary) = &part.vary else { continue };
+            let (name, [low, high]) = (&part.name, vary.method.range());
+            let threshold = function.threshold;
+            if !(low..=high).contains(&threshold) {
+                found.push(format!(
+                    "part `{name}`: the threshold of `person` is {threshold}, and the levels are {low} to {high}"
+                ));
+            }
+            let guess = vary.method.guess().filter(|guess| (guess - function.guess).abs() > 1e-6);
+            if let Some(guess) = guess {
+                let own = function.guess;
+                found.push(format!(
+                    "part `{name}`: `person` guesses with the probability {own}, and the part is analysed with \
+                     {guess}"
+                ));
+            }
+        }
+        found
+    }
+
     /// Estimated time of a participant in minutes.
     pub fn minutes(&self) -> f64 {
         let of = |(i, part): (usize, &Part)| self.trials_of(i, 1).len() as f64 * part.trial_s;

@@ -29,6 +29,27 @@ pub fn registry() -> asperity_node::Registry {
     asperity_hand::register(asperity_nodes::registry())
 }
 
+/// Ends a program by a signal after so much processor time \[s\]. A clock would measure the machine's other
+/// work, too.
+pub fn most_cpu_s(command: &mut Command, seconds: u64) {
+    #[cfg(unix)]
+    {
+        use std::os::unix::process::CommandExt;
+        let limit = move || {
+            let limit = libc::rlimit { rlim_cur: seconds, rlim_max: seconds };
+            // SAFETY: a limit on the stack, for this process alone. Nothing is allocated.
+            match unsafe { libc::setrlimit(libc::RLIMIT_CPU, &limit) } {
+                0 => Ok(()),
+                _ => Err(std::io::Error::last_os_error()),
+            }
+        };
+        // SAFETY: the closure calls one function, which is safe to call between fork and exec.
+        unsafe { command.pre_exec(limit) };
+    }
+    #[cfg(not(unix))]
+    let _ = (command, seconds);
+}
+
 /// The repository's root.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

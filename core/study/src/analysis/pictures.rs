@@ -260,7 +260,7 @@ fn tracks(title: String, of: &Thresholds, condition: &Condition) -> Drawing {
         }
     };
     let [stimulus, set] = &of.varied;
-    let reversals = if of.target.is_some() { ", dots are reversals" } else { "" };
+    let reversals = if of.method == "staircase" { ", dots are reversals" } else { "" };
     Drawing::Chart(Chart {
         title,
         subtitle: format!("{set} of {stimulus} by {}. Straight lines are estimates{reversals}.", of.method),

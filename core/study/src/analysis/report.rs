@@ -39,13 +39,17 @@ const READ_STAIRCASE: &str = "\
     The threshold is the mean level of the last reversals (Levitt 1971), a geometric mean for steps by \
     ratios. sd is the standard deviation of these reversals. Medians and quartiles are over people.";
 const READ_QUEST: &str = "\
-    The threshold is the mean of the posterior (Watson 2017). sd is the posterior's standard deviation. \
-    Medians and quartiles are over people.";
+    Threshold and slope are means of the posterior (Watson 2017). sd is the posterior's standard deviation \
+    of the threshold. With few trials both lie towards the middle of the possible values. Medians and \
+    quartiles are over people.";
 const READ_FIT: &str = "\
     Functions are fitted by maximum likelihood, with 95 % profile intervals. *Open* is an end that the \
-    answers do not fix. The PSE has 50 % of the function's rise. The JND is half the distance from 25 % \
-    to 75 %. A small p of the deviance speaks against the function (Wichmann and Hill 2001). Answers are \
+    answers do not fix. A small p of the deviance speaks against the function (Wichmann and Hill 2001). Answers are \
     taken as independent, also those of one person.";
+
+const READ_EQUALITY: &str = "\
+    The PSE (point of subjective equality) has 50 % of the function's rise. The JND (just noticeable \
+    difference) is half the distance from 25 % to 75 %.";
 
 impl Analysis {
     /// The report in Markdown. `folder` is the path from the report to the pictures, such as `pictures/`.
@@ -411,9 +415,9 @@ fn pairs(out: &mut String, test: &Tested, all: &[Finding]) {
 
 fn thresholds(out: &mut String, of: &Thresholds) {
     let [stimulus, set] = of.varied.each_ref().map(|text| escaped(text));
-    *out += &format!("{set} of {stimulus} varies. Method: {}", of.method);
-    *out += &of.target.map_or_else(String::new, |target| format!(", target {:.1} %", 100.0 * target));
-    *out += ".\n\n";
+    *out += &format!("{set} of {stimulus} varies. Method: {}.", of.method);
+    *out += &of.target.map_or_else(String::new, |p| format!(" The threshold has {:.1} % hits.", 100.0 * p));
+    *out += "\n\n";
     let mut over = Grid::new(["condition", "n", "missing", "median", "quartiles"]);
     for condition in &of.conditions {
         let s = condition.summary.as_ref();
@@ -451,18 +455,26 @@ fn thresholds(out: &mut String, of: &Thresholds) {
             "p",
         ]
     } else {
-        &["condition", "participant", "n", "reversals", "threshold", "sd"]
+        &["condition", "participant", "n", "reversals", "threshold", "sd", "slope"]
     };
-    // QUEST+ has none.
-    let turns = of.target.is_some();
-    let head: Vec<&str> = head.iter().copied().filter(|name| turns || *name != "reversals").collect();
+    let turns = of.method == "staircase";
+    let is_left_out = |name: &str| match name {
+        "reversals" => !turns,
+        "slope" => turns,
+        "PSE" | "JND" => of.has_right_answer,
+        _ => false,
+    };
+    let head: Vec<&str> = head.iter().copied().filter(|name| !is_left_out(name)).collect();
     let mut grid = Grid::new(head);
     for (condition, one) in every() {
         let start = [condition, who(one), one.trials.len().to_string()];
         if !constant {
             let rest = [or_none(one.threshold, |x| digits(x, 4)), or_none(one.sd, |x| digits(x, 3))];
-            let turns = turns.then(|| one.reversals.len().to_string());
-            grid.row(start.into_iter().chain(turns).chain(rest));
+            let reversals = turns.then(|| one.reversals.len().to_string());
+            let slope = one.posterior.map(|found| digits(found.slope.mean, 3));
+            grid.row(
+                start.into_iter().chain(reversals).chain(rest).chain((!turns).then(|| or_none(slope, |s| s))),
+            );
             continue;
         }
         let interval = |i: asperity_psychometrics::Interval| {
@@ -475,13 +487,16 @@ fn thresholds(out: &mut String, of: &Thresholds) {
             or_none(fit, |f| interval(f.threshold)),
             or_none(fit, |f| digits(f.function.slope, 3)),
             or_none(fit, |f| interval(f.slope)),
-            or_none(fit, |f| digits(f.function.pse(), 4)),
-            or_none(fit, |f| digits(f.function.jnd(), 3)),
+        ];
+        let equality =
+            [or_none(fit, |f| digits(f.function.pse(), 4)), or_none(fit, |f| digits(f.function.jnd(), 3))];
+        let deviance = [
             or_none(fit, |f| format!("{:.2}", f.deviance)),
             or_none(fit, |f| f.degrees.to_string()),
             p_value(fit.and_then(|f| f.p_value)),
         ];
-        grid.row(start.into_iter().chain(rest));
+        let equality = equality.into_iter().filter(|_| !of.has_right_answer);
+        grid.row(start.into_iter().chain(rest).chain(equality).chain(deviance));
     }
     *out += &grid.text();
     for (condition, one) in every() {
@@ -498,7 +513,8 @@ fn thresholds(out: &mut String, of: &Thresholds) {
         "QUEST+" => READ_QUEST,
         _ => READ_FIT,
     };
-    *out += &self::read(&format!("n counts trials. {read}"));
+    let equality = if constant && !of.has_right_answer { format!(" {READ_EQUALITY}") } else { String::new() };
+    *out += &self::read(&format!("n counts trials. {read}{equality}"));
 }
 
 fn texts(out: &mut String, told: &[Told]) {

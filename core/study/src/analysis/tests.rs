@@ -122,7 +122,7 @@ fn varied(by: &str) -> Experiment {
     let mut study = experiment(
         "factors: {\"speed\": [\"slow\", \"fast\"]},",
         &format!(
-            "over: [\"speed\"], show: [(\"x\", \"z\")], ask: [{question}],
+            "over: [\"speed\"], show: [(\"x\", \"z\")], reference: \"x\", ask: [{question}],
              vary: (stimulus: \"z\", set: \"strength.gain\", by: {by}),"
         ),
     );
@@ -392,15 +392,14 @@ fn staircases_turn_and_end_where_direct_ones_do() {
     let found: Vec<f64> = of.conditions[0].people.iter().filter_map(|one| one.threshold).collect();
     assert_eq!(of.conditions[0].summary, summary(&found));
     assert_eq!(analysis.pictures().len(), 2);
-    assert!(analysis.report("").contains("Method: staircase, target 70.7 %."));
+    assert!(analysis.report("").contains("Method: staircase. The threshold has 70.7 % hits."));
 }
 
 #[test]
 fn quest_and_constant_stimuli_find_the_threshold() {
     let quest = "quest(levels: logarithmic(from: 0.1, to: 10.0, count: 25), threshold: logarithmic(from: 0.1,
         to: 10.0, count: 41), slope: linear(from: 1.0, to: 6.0, count: 6), trials: 40)";
-    let constant = "constant(levels: [0.5, 0.7, 0.9, 1.1, 1.4, 2.0], each: 10, fit: (shape: weibull,
-        axis: linear, guess: 0.5))";
+    let constant = "constant(levels: [0.5, 0.7, 0.9, 1.1, 1.4, 2.0], each: 10)";
     for (by, method) in [(quest, "QUEST+"), (constant, "constant stimuli")] {
         let study = varied(by);
         let (table, sessions) = simulated(&study, 8, 3);
@@ -412,11 +411,13 @@ fn quest_and_constant_stimuli_find_the_threshold() {
             assert!((median - 1.0).abs() < 0.15, "{method}: {median}");
             let Some(pooled) = &condition.pooled else { continue };
             let (shape, axis) = (Shape::Weibull, Axis::Linear);
-            let settings = FitSettings { shape, axis, guess: 0.5, ..FitSettings::default() };
+            let settings = FitSettings { shape, axis, guess: 0.5, lapse: 0.02, ..FitSettings::default() };
             assert_eq!(pooled.fit, Some(fit(&pooled.counts, &settings).unwrap()));
             assert!(pooled.counts.iter().all(|Count { total, .. }| *total == 80));
         }
-        assert!(analysis.report("").contains(&format!("Method: {method}.")));
+        let report = analysis.report("");
+        assert!(report.contains(&format!("Method: {method}. The threshold has 80.3 % hits.")), "{report}");
+        assert!(!report.contains("PSE") && report.contains("slope"), "{report}");
     }
 }
 

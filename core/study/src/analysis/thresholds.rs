@@ -1,6 +1,8 @@
 //! Thresholds of a varied parameter.
 
-use asperity_psychometrics::{Axis, Fit, Posterior, Quest, Row as Count, Shape, Staircase, fit};
+use asperity_psychometrics::{
+    Axis, Fit, FitSettings, Function, Posterior, Quest, Row as Count, Shape, Staircase, fit,
+};
 use serde::Serialize;
 
 use super::{Summary, cells, levels_of, people, rows, summary};
@@ -16,8 +18,10 @@ pub struct Thresholds {
     pub method: &'static str,
     /// The varied stimulus and its setting.
     pub varied: [String; 2],
-    /// Probability of a hit that a staircase aims at.
+    /// Probability of a hit at the threshold; `None` for a comparison, which has no hits.
     pub target: Option<f64>,
+    /// Whether the task has a right answer. A comparison has a point of subjective equality instead.
+    pub has_right_answer: bool,
     /// Whether levels belong on a logarithmic axis.
     pub is_logarithmic: bool,
     /// Conditions: levels of factors with a kind of trial.
@@ -77,6 +81,7 @@ pub(super) fn thresholds(
             [experiment.stimuli[vary.stimulus].name.clone(), vary.set.clone()]
         }),
         target: None,
+        has_right_answer: true,
         is_logarithmic: false,
         conditions: Vec::new(),
     };
@@ -91,9 +96,17 @@ pub(super) fn thresholds(
         }
         Some(Method::Quest(settings)) => {
             fresh = Quest::new(settings.clone()).ok();
+            let prior = fresh.as_ref().map(|quest| quest.posterior().function);
+            it.target = prior.map(|function| function.probability(function.threshold));
+            it.has_right_answer = prior.is_none_or(|function| function.guess > 0.0);
             ("QUEST+", (settings.shape, settings.axis) == (Shape::Weibull, Axis::Linear))
         }
         Some(Method::Constant { fit, .. }) => {
+            it.has_right_answer = fit.guess > 0.0;
+            let FitSettings { shape, axis, guess, lapse, .. } = *fit;
+            // The same at any threshold and slope.
+            let any = Function { shape, axis, threshold: 1.0, slope: 1.0, guess, lapse };
+            it.target = Some(any.probability(any.threshold));
             ("constant stimuli", (fit.shape, fit.axis) == (Shape::Weibull, Axis::Linear))
         }
     };

@@ -40,7 +40,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let loaded = load_all(&experiment, &mut loader, fits)?.count;
     let levels = Levels::measure(&experiment, 1, &args.plugins)?;
     print_report(args.json, || as_json(&experiment, loaded, &levels), || text(&experiment, loaded, &levels))?;
-    experiment.imbalances().iter().chain(&levels.undone()).for_each(|told| warn(told));
+    experiment
+        .imbalances()
+        .iter()
+        .chain(&experiment.doubts())
+        .chain(&levels.undone())
+        .for_each(|told| warn(told));
     Ok(())
 }
 
@@ -66,11 +71,10 @@ pub fn load_all(experiment: &Experiment, loader: &mut Loader, fits: Fits) -> Res
                 let filled = experiment.shown(&trial, *stimulus);
                 let levels = match part.vary.as_ref().filter(|vary| vary.stimulus == *stimulus) {
                     None => vec![None],
-                    Some(vary) => {
-                        ends(&vary.method).into_iter().map(|level| Some((vary.set.as_str(), level))).collect()
-                    }
+                    Some(vary) => ends(&vary.method).into_iter().map(|level| Some(vary.at(level))).collect(),
                 };
-                for level in levels {
+                for varied in levels {
+                    let level = varied.as_ref().map(|varied| varied.level);
                     if !done.insert(format!("{} {level:?}", stimulus::described(&filled))) {
                         continue;
                     }
@@ -78,7 +82,8 @@ pub fn load_all(experiment: &Experiment, loader: &mut Loader, fits: Fits) -> Res
                     if stimulus::file_of(&filled).is_none() {
                         continue;
                     }
-                    let schedule = loader.load(&filled, level, 1.0, None).map_err(about)?.compiled.schedule;
+                    let schedule =
+                        loader.load(&filled, varied.as_ref(), 1.0, None).map_err(about)?.compiled.schedule;
                     files.extend(loader.files(&filled, &schedule)?);
                     match &first {
                         None => first = Some(schedule),

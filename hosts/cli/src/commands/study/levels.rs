@@ -10,7 +10,7 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::Compiled;
 use asperity_node::{Buffer, Role, Unit};
 use asperity_psychometrics::Steps;
-use asperity_study::{Experiment, Felt, Matching, Method, StimulusKind, Trial};
+use asperity_study::{Experiment, Felt, Matching, Method, StimulusKind, Trial, Varied};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -48,13 +48,15 @@ struct Job {
     stimulus: usize,
     kind: StimulusKind,
     matching: Matching,
-    vary: Option<(String, f64)>,
+    vary: Option<Varied>,
 }
 
 /// A gain of the table.
 struct Row {
     part: String,
     condition: String,
+    /// Whether the trial has no right answer, so that a change of level is what is asked for.
+    compares: bool,
     stimulus: String,
     /// Gains in dB at levels of the varied parameter.
     gains: Points,
@@ -89,7 +91,7 @@ impl Levels {
         let mut units = BTreeMap::new();
         for (job, (db, unit)) in jobs.iter().zip(strengths) {
             units.insert(job.key.clone(), unit);
-            let level = job.vary.as_ref().map(|(_, level)| *level);
+            let level = job.vary.as_ref().map(|varied| varied.level);
             it.points.entry(job.key.clone()).or_default().push((level, db));
         }
         for trial in &it.trials {
@@ -125,7 +127,7 @@ impl Levels {
                     None => vec![job(None)],
                     Some(vary) => {
                         let levels = levels(&vary.method).into_iter();
-                        levels.map(|level| job(Some((vary.set.clone(), level)))).collect()
+                        levels.map(|level| job(Some(vary.at(level)))).collect()
                     }
                 };
                 jobs.entry(key.clone()).or_insert_with(all);
@@ -166,7 +168,7 @@ impl Levels {
     pub fn gain(&self, trial: usize, felt: &Felt) -> f64 {
         let Some(trial) = self.trials.get(trial) else { return 1.0 };
         let Some(points) = self.points(trial, felt.stimulus) else { return 1.0 };
-        let own = between(points, felt.vary.as_ref().map_or(0.0, |(_, level)| *level));
+        let own = between(points, felt.vary.as_ref().map_or(0.0, |varied| varied.level));
         10f64.powf((self.target(trial) - own) / 20.0).min(1.0)
     }
 
@@ -176,8 +178,7 @@ impl Levels {
         let place = &self.experiment.stimuli[job.stimulus].place;
         let input = Some(self.stroke.clone());
         let mut loader = Loader::alone(plugins, input);
-        let vary = job.vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-        let loaded = loader.load(&job.kind, vary, 1.0, None);
+        let loaded = loader.load(&job.kind, job.vary.as_ref(), 1.0, None);
         let compiled =
             loaded.map_err(|failure| stimulus::named(failure, &self.experiment, job.stimulus))?.compiled;
         let schedule = &compiled.schedule;
@@ -218,7 +219,7 @@ impl Levels {
             squares.sum::<f64>() / count as f64
         };
         let rms = signals.iter().map(heard).sum::<f64>().sqrt();
-        let at = job.vary.as_ref().map_or(String::new(), |(set, level)| format!(" at {set} = {level}"));
+        let at = job.vary.as_ref().map_or(String::new(), |at| format!(" at {} = {}", at.set, at.level));
         if rms.is_nan() || rms <= SILENCE_M_S2 {
             let what = format!("a silent stimulus{at} has no level to match");
             return refused(what, "name a `stroke` that it answers, or leave `level` out");
@@ -269,9 +270,15 @@ impl Levels {
             let target = self.target(trial);
             for stimulus in self.matched(trial) {
                 let Some(points) = self.points(trial, stimulus) else { continue };
+                // A reference may be among the stimuli shown, too.
+                let listed = |row: &Row| row.part == part.name && row.condition == condition;
+                if rows.iter().any(|row| listed(row) && row.stimulus == name(&stimulus)) {
+                    continue;
+                }
                 rows.push(Row {
                     part: part.name.clone(),
                     condition: condition.clone(),
+                    compares: part.reference.is_none(),
                     stimulus: name(&stimulus),
                     gains: points.iter().map(|(level, db)| (*level, target - db)).collect(),
                 });
@@ -285,7 +292,7 @@ impl Levels {
         let warning = |row: &Row| {
             let gains = || row.gains.iter().map(|(_, db)| *db);
             let taken = gains().fold(f64::NEG_INFINITY, f64::max) - gains().fold(f64::INFINITY, f64::min);
-            (taken > TAKEN_DB).then(|| {
+            (row.compares && taken > TAKEN_DB).then(|| {
                 format!(
                     "part `{}`, {}: level matching takes {taken:.0} dB from the varied parameter of `{}`; \
                      leave `level` out to vary the strength",
@@ -303,7 +310,7 @@ impl Levels {
         let mut out = format!("\ngains over {}\n", name.to_string_lossy());
         let width = |of: fn(&Row) -> &str| rows.iter().map(|row| of(row).chars().count()).max().unwrap_or(0);
         let [a, b, c] = [width(|r| &r.part), width(|r| &r.condition), width(|r| &r.stimulus)];
-        for Row { part, condition, stimulus, gains } in &rows {
+        for Row { part, condition, stimulus, gains, .. } in &rows {
             let _ = write!(out, "{part:a$}  {condition:b$}  {stimulus:c$}");
             let decibels = || gains.iter().map(|(_, db)| *db);
             let _ = match gains.as_slice() {

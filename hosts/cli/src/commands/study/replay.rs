@@ -278,9 +278,9 @@ impl Stage<'_> {
         };
         let kind = experiment.shown(trial, stimulus);
         let vary = experiment.parts[trial.part].vary.as_ref().filter(|vary| vary.stimulus == stimulus);
-        let vary = vary.zip(change.level).map(|(vary, level)| (vary.set.as_str(), level));
+        let vary = vary.zip(change.level).map(|(vary, level)| vary.at(level));
         let Change { trial, attempt, gain, .. } = *change;
-        self.loader.load(&kind, vary, gain, change.place.map(|place| At { trial, attempt, place }))
+        self.loader.load(&kind, vary.as_ref(), gain, change.place.map(|place| At { trial, attempt, place }))
     }
 }
 

@@ -568,7 +568,7 @@ impl Stage {
         let playing = |((trial, attempt), felt): ((usize, u32), &Felt)| Playing {
             at: At { trial, attempt, place: felt.place },
             stimulus: felt.stimulus,
-            level: felt.vary.as_ref().map(|(_, level)| *level),
+            level: felt.vary.as_ref().map(|varied| varied.level),
             gain: if stimulus::file_of(&felt.kind).is_some() { self.levels.gain(trial, felt) } else { 0.0 },
         };
         let key = shown.zip(felt.as_ref()).map(playing);
@@ -579,8 +579,7 @@ impl Stage {
             let gain = key.map_or(0.0, |playing| playing.gain);
             let loaded = match (&felt, key) {
                 (Some(Felt { kind, vary, .. }), Some(Playing { at, .. })) if gain != 0.0 => {
-                    let vary = vary.as_ref().map(|(set, level)| (set.as_str(), *level));
-                    self.loader.load(kind, vary, gain, Some(at))?
+                    self.loader.load(kind, vary.as_ref(), gain, Some(at))?
                 }
                 _ => self.loader.quiet(experiment)?,
             };

@@ -5,20 +5,22 @@ use std::path::{Path, PathBuf};
 
 use asperity_diagnostics::Diagnostic;
 use asperity_statistics::wilson_interval;
+use asperity_study::analysis::Figures;
 use asperity_study::log::{self, Event, Log};
 use asperity_study::{Analysis, Experiment, Session, Table};
 use rayon::prelude::*;
 use serde_json::json;
 
 use super::{COPY, experiment};
-use crate::failure::{Failure, clean, plural, print_report, wrong};
+use crate::failure::{Failure, clean, plural, print_report, warn, wrong};
 use crate::number::whole;
 use crate::output::write_text;
 
 /// Simulate the people of a study, and find the power of each declared test
 ///
 /// People answer by the model that the experiment file states under `person`. Without one, all stimuli feel
-/// alike, and the power is the rate of false positives. --out writes the logs of the first run.
+/// alike, and the power is the rate of false positives. Where a parameter varies, thresholds are compared with
+/// that of the model. --out writes the logs of the first run.
 #[derive(Debug, clap::Args)]
 #[command(after_help = crate::commands::examples(&[
     "asperity study simulate graphs/studies/heravi2024.ron --participants 25",
@@ -52,6 +54,64 @@ struct Power {
     made: usize,
 }
 
+/// Thresholds of a condition, over all people of all runs.
+struct Recovered {
+    condition: String,
+    found: Vec<f64>,
+    missing: usize,
+}
+
+impl Recovered {
+    fn of(analysis: &Analysis) -> Vec<Self> {
+        let figures =
+            analysis.parts.iter().flat_map(|part| part.asked.iter().map(move |asked| (part, asked)));
+        let mut all = Vec::new();
+        for (part, asked) in figures {
+            let Figures::Thresholds(of) = &asked.figures else { continue };
+            all.extend(of.conditions.iter().map(|condition| {
+                let found: Vec<f64> = condition.people.iter().filter_map(|one| one.threshold).collect();
+                let missing = condition.people.len() - found.len();
+                let levels = condition.levels.iter().chain([&condition.kind]);
+                let name = [&part.name].into_iter().chain(levels).cloned().collect::<Vec<_>>().join(", ");
+                Self { condition: name, found, missing }
+            }));
+        }
+        all
+    }
+
+    /// Adds the runs of each condition.
+    fn all(runs: Vec<Vec<Self>>) -> Vec<Self> {
+        let mut runs = runs.into_iter();
+        let mut sum = runs.next().unwrap_or_default();
+        for run in runs {
+            for (sum, one) in sum.iter_mut().zip(run) {
+                sum.found.extend(one.found);
+                sum.missing += one.missing;
+            }
+        }
+        sum
+    }
+
+    fn mean(&self) -> f64 {
+        self.found.iter().sum::<f64>() / self.found.len() as f64
+    }
+
+    fn sd(&self) -> f64 {
+        let mean = self.mean();
+        let squares: f64 = self.found.iter().map(|x| (x - mean) * (x - mean)).sum();
+        (squares / self.found.len().saturating_sub(1) as f64).sqrt()
+    }
+
+    /// Share of people without a threshold.
+    fn without(&self) -> f64 {
+        self.missing as f64 / (self.missing + self.found.len()).max(1) as f64
+    }
+
+    fn json(&self) -> serde_json::Value {
+        json!({ "condition": self.condition, "mean": self.mean(), "sd": self.sd(), "without": self.without() })
+    }
+}
+
 pub fn run(args: &Args) -> Result<(), Failure> {
     let experiment = experiment(&args.file)?;
     let people = args.participants.unwrap_or(experiment.participants);
@@ -66,9 +126,17 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let tested = |run: u64| {
         let sessions = study(run);
         let table = Table::new(&experiment, &sessions)?;
-        Ok(Analysis::new(&experiment, &table, &sessions).p_values())
+        let analysis = Analysis::new(&experiment, &table, &sessions);
+        Ok((analysis.p_values(), Recovered::of(&analysis)))
     };
-    let runs: Vec<_> = (0..args.runs).into_par_iter().map(tested).collect::<Result<_, Diagnostic>>()?;
+    experiment.doubts().iter().for_each(|told| warn(told));
+    let (runs, recovered): (Vec<_>, Vec<_>) = (0..args.runs)
+        .into_par_iter()
+        .map(tested)
+        .collect::<Result<Vec<_>, Diagnostic>>()?
+        .into_iter()
+        .unzip();
+    let recovered = Recovered::all(recovered);
     let mut powers: Vec<Power> = Vec::new();
     for found in runs.iter().flatten() {
         let at = powers.iter().position(|power| power.name == found.name).unwrap_or_else(|| {
@@ -86,7 +154,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let share = power.significant as f64 / count as f64;
             json!({ "test": power.name, "power": share, "interval": interval, "made": power.made })
         });
-        json!({ "participants": people, "runs": count, "tests": tests.collect::<Vec<_>>(), "logs": written })
+        json!({ "participants": people, "runs": count, "tests": tests.collect::<Vec<_>>(),
+            "thresholds": recovered.iter().map(Recovered::json).collect::<Vec<_>>(), "logs": written })
     };
     let text = || {
         let mut out = format!(
@@ -97,7 +166,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
         );
         if powers.is_empty() {
             out += "no tests are declared\n";
-        } else {
+        } else if powers.iter().any(|power| power.made > 0) {
             out += "power   95 % interval  made  test\n";
         }
         // A post-hoc test that no run made says nothing.
@@ -106,6 +175,16 @@ pub fn run(args: &Args) -> Result<(), Failure> {
             let share = power.significant as f64 / count as f64;
             let (name, made) = (clean(&power.name), power.made);
             out += &format!("{share:5.3}  {low:6.3} to {high:5.3} {made:5}  {name}\n");
+        }
+        if !recovered.is_empty() {
+            out += "\nmean threshold of a person  deviation  without  condition\n";
+        }
+        for one in &recovered {
+            let [mean, sd, without] = [one.mean(), one.sd(), 100.0 * one.without()];
+            out += &format!("{mean:26.4}  {sd:9.4}  {without:5.1} %  {}\n", clean(&one.condition));
+        }
+        if let Some(function) = experiment.person.function.filter(|_| !recovered.is_empty()) {
+            out += &format!("the model of a person has the threshold {}\n", function.threshold);
         }
         if let Some(folder) = &args.out {
             let folder = clean(&folder.display().to_string());

@@ -10,7 +10,7 @@ use asperity_graph::{GraphFile, NodeDecl, Schedule};
 use asperity_hand::device_of;
 use asperity_live::SessionError;
 use asperity_node::{Registry, Role, random};
-use asperity_study::{Experiment, Masking, StimulusKind, log};
+use asperity_study::{Experiment, Masking, StimulusKind, Varied, log};
 
 use crate::card::{self, DeviceArgs};
 use crate::failure::{Failure, wrong};
@@ -127,7 +127,7 @@ impl Loader {
     pub fn load(
         &mut self,
         kind: &StimulusKind,
-        vary: Option<(&str, f64)>,
+        vary: Option<&Varied>,
         gain: f64,
         at: Option<At>,
     ) -> Result<Loaded, Failure> {
@@ -138,9 +138,8 @@ impl Loader {
             let place = Place { source: value.source().clone(), span: key.span };
             graph.set_value(&key.name, value.clone(), place, None)?;
         }
-        if let Some((target, level)) = vary {
-            let place = file.place();
-            graph.set_value(target, Value::made(Kind::Float(level), &place), place, None)?;
+        if let Some(Varied { set, level, place }) = vary {
+            graph.set_value(set, Value::made(Kind::Float(*level), place), place.clone(), None)?;
         }
         let registry = self.kinds.registry(Some(&graph))?;
         let records = |node: &&NodeDecl| registry.role(&node.kind) == Some(Role::AudioInput);
@@ -151,6 +150,7 @@ impl Loader {
         name_hand(&mut graph, &registry, file)?;
         push_back(&mut graph, &registry, gain > 0.0, self.push.as_ref())?;
         let kept = scale(&mut graph, &registry, gain)?;
+        let vary = vary.map(|varied| (&varied.set, varied.level));
         let tag = fnv(format!("{} {vary:?} {gain} {at:?}", described(kind)).as_bytes());
         set_apart(&mut graph, &kept, tag, at);
         self.masking.as_ref().map_or(Ok(()), |masking| mask(&mut graph, &registry, masking))?;
