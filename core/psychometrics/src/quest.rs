@@ -166,6 +166,11 @@ impl QuestSettings {
         self.levels.values("levels")
     }
 
+    /// Thresholds that are possible. An error names what does not fit.
+    pub fn thresholds(&self) -> Result<Vec<f64>, String> {
+        self.threshold.values("threshold")
+    }
+
     fn function(&self, [threshold, slope, guess, lapse]: [f64; 4]) -> Function {
         Function { shape: self.shape, axis: self.axis, threshold, slope, guess, lapse }
     }
@@ -180,15 +185,6 @@ impl Quest {
         require(sd > 0.0, "threshold_sd", sd, "a number above 0, or None")?;
         let levels = settings.levels.values("levels")?;
         let thresholds = settings.threshold.values("threshold")?;
-        let ends = |of: &[f64]| of.iter().fold([f64::MAX, f64::MIN], |[l, h], x| [l.min(*x), h.max(*x)]);
-        let [[least, most], [low, high]] = [ends(&levels), ends(&thresholds)];
-        let meet = low <= most && high >= least;
-        require(
-            meet,
-            "threshold",
-            format!("{low} to {high}"),
-            &format!("values among the levels, {least} to {most}"),
-        )?;
         let slopes = settings.slope.values("slope")?;
         let guesses = settings.guess.values("guess")?;
         let lapses = settings.lapse.values("lapse")?;

@@ -101,7 +101,9 @@ impl Vary {
         fields.finish()?;
         let refused = match &method {
             Method::Staircase(settings) => settings.check().err(),
-            Method::Quest(settings) => Quest::new(settings.clone()).err(),
+            Method::Quest(settings) => {
+                Quest::new(settings.clone()).err().or_else(|| unreachable_by(settings))
+            }
             Method::Constant { .. } => None,
         };
         if let Some(why) = refused {
@@ -110,6 +112,15 @@ impl Vary {
         record.finish()?;
         Ok(Self { stimulus, set, set_place, method, place: value.place() })
     }
+}
+
+/// Why no level tells anything about the thresholds; `None` where their ranges meet.
+fn unreachable_by(settings: &QuestSettings) -> Option<String> {
+    let ends = |of: Vec<f64>| of.iter().fold([f64::MAX, f64::MIN], |[l, h], x| [l.min(*x), h.max(*x)]);
+    let [least, most] = ends(settings.levels().ok()?);
+    let [low, high] = ends(settings.thresholds().ok()?);
+    let why = || format!("`threshold` is {low} to {high}: use values among the levels, {least} to {most}");
+    (low > most || high < least).then(why)
 }
 
 /// A refusal of settings, at the field that it begins with: `` `start` is 1: ... ``.
@@ -298,9 +309,17 @@ mod tests {
             (QUEST, "slope: 3.5", "slope: \"a\"", "has no kind", "\"a\""),
             (QUEST, "slope: 3.5", "slope: 0", "`slope` is 0", "0"),
             (QUEST, "from: 0.2", "from: 2", "`threshold.to` is 0.9", "0.9"),
+            (
+                QUEST,
+                "linear(from: 0.2, to: 0.9, count: 9)",
+                "7",
+                "use values among the levels, 0.1 to 1",
+                "7",
+            ),
             (QUEST, "trials: 60", "trials: 0", "`trials` is 0", "0"),
             (QUEST, "trials: 60", "trials: 60, gues: 0", "unknown field `gues`", "gues"),
             (QUEST, "trials: 60", "trials: 60, guess: 1.5", "`guess` is 1.5", "1.5"),
+            (QUEST, "trials: 60", "trials: 60, unit: dB", "unknown choice `dB`", "dB"),
             (QUEST, "trials: 60", "trials: 60, shape: normal", "unknown choice `normal`", "normal"),
             (STAIRS, "floor", "flor", "the field `floor` is missing", "flor"),
             (STAIRS, "[2, 1.5]", "[]", "`steps` is empty", "multiply(by: [])"),
@@ -315,6 +334,26 @@ mod tests {
             let place = error.place.expect("a place");
             assert_eq!(&place.source.text()[place.span.start..place.span.end], at, "{message}");
         }
+    }
+
+    /// A new user fitted a function that starts at 0 % to a task in which one of two answers is right.
+    #[test]
+    fn guess_and_shape_follow_the_question() {
+        let method = |reference: &str, by: &str| {
+            let part = format!(
+                "show: [(\"x\", \"z\")], {reference} ask: [which(name: \"w\", text: \"?\")],
+                 vary: (stimulus: \"z\", set: \"a.b\", by: {by})"
+            );
+            parse(&text("", &part)).unwrap().parts[0].vary.clone().expect("it varies").method
+        };
+        let constant = "constant(levels: [1, 2], each: 3)";
+        for by in [constant, QUEST] {
+            assert_eq!(method("", by).guess(), Some(0.0), "{by}");
+            assert_eq!(method("reference: \"x\",", by).guess(), Some(0.5), "{by}");
+        }
+        let stated = constant.replace("each: 3", "each: 3, fit: (guess: 0.25)");
+        let Method::Constant { fit, .. } = method("reference: \"x\",", &stated) else { panic!() };
+        assert_eq!((fit.guess, fit.lapse, fit.shape), (0.25, 0.02, Shape::Weibull));
     }
 
     #[test]
