@@ -155,6 +155,43 @@ fn unbalanced_study_says_so() {
     ran.says(&["8 participants do not fill a Latin square of 6 rows; take 6 or 12"]);
 }
 
+/// A new user wrote such a study from the docs. What misled is here.
+#[test]
+fn just_noticeable_difference_has_a_reference_and_a_right_answer() {
+    let dir = Room::new();
+    let text = std::fs::read_to_string(graphs("studies/jnd.ron")).unwrap();
+    assert!(text.lines().filter(|line| !line.starts_with("//")).count() <= 36);
+    dir.run("study check graphs/studies/jnd.ron").ok().says(&["up to 120 trials", "0.05 to 1"]);
+    let found = dir.run("study simulate graphs/studies/jnd.ron --runs 4 --out out --json").json();
+    let thresholds = found["thresholds"].as_array().unwrap();
+    assert_eq!(thresholds.len(), 2);
+    for one in thresholds {
+        let mean = one["mean"].as_f64().unwrap();
+        assert!((mean - 0.4).abs() < 0.06 && one["without"] == 0.0, "{one}");
+    }
+    dir.run("study analyse out").ok();
+    let report = std::fs::read_to_string(dir.join("out/REPORT.md")).unwrap();
+    assert!(report.contains("The threshold has 80.3 % hits.") && !report.contains("PSE"), "{report}");
+    // An error of the varied parameter points at it, not at the stimulus.
+    let own = text.replace("\"blend.ron\"", "\"graphs/studies/blend.ron\"");
+    for (from, to, says) in [
+        ("set: \"blend.gain\"", "set: \"blend.gian\"", "`gain` has no parameter `gian`"),
+        ("set: \"blend.gain\"", "set: \"scatter.seed\"", "expected"),
+    ] {
+        let text = own.replace(from, to);
+        dir.write("s.ron", &text);
+        let at = text.lines().position(|line| line.contains(to)).unwrap() + 1;
+        dir.run("study check s.ron").refused(says).says(&[&format!("s.ron:{at}:")]);
+    }
+    dir.write("s.ron", own.replace("threshold: 0.4, slope", "threshold: -0.4, slope"));
+    dir.run("study simulate s.ron --runs 1").refused("`threshold` is -0.4");
+    let other = own.replace("threshold: 0.4, slope: 3, guess: 0.5", "threshold: 4, slope: 3, guess: 0");
+    dir.write("s.ron", other);
+    dir.run("study simulate s.ron --runs 1")
+        .ok()
+        .says(&["the threshold of `person` is 4", "guesses with the probability 0,"]);
+}
+
 #[test]
 fn study_of_the_docs_runs_and_its_pictures_are_fresh() {
     let dir = Room::new();
