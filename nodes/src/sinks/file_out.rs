@@ -22,7 +22,7 @@ impl Node for FileOut {
     }
 
     fn prepare(setup: &Setup<'_>) -> Result<Prepared, Diagnostic> {
-        super::check_file(setup, [".wav", ".npy"])?;
+        super::check_file(setup, &[".wav", ".npy"])?;
         Ok(Prepared::new(Self { scale: (1.0 / setup.params.number("full_scale")) as f32 }))
     }
 }
