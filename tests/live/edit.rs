@@ -191,7 +191,7 @@ fn a_texture_is_chosen_also_where_a_hand_could_not_be_had_again() {
     edit(dir, other);
     onlooker.until("that it is gone", |_| live.said().contains("cannot be restored"));
     assert_ne!(chosen(&onlooker.shown), "sandpaper P40");
-    onlooker.ask(&json!({ "material": { "node": "texture", "name": "sandpaper P40" } }));
+    onlooker.ask(&json!({ "material": ["sandpaper P40", "texture"] }));
     onlooker.until("the texture", |s| chosen(s) == "sandpaper P40");
     live.stop().ok();
 }
@@ -279,7 +279,7 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
     onlooker.until("a view", |s| ticks(s) > 100);
     let names = onlooker.shown.layout["materials"][0]["names"].as_array().expect("materials").clone();
     let choose = |onlooker: &mut Onlooker, name: &Value| {
-        onlooker.ask(&json!({ "material": { "node": "texture", "name": name } }));
+        onlooker.ask(&json!({ "material": [name] }));
     };
     for i in 0..BURST {
         choose(&mut onlooker, &names[i % names.len()]);
@@ -298,7 +298,7 @@ fn of_textures_chosen_in_a_burst_the_newest_plays() {
     let last = names.iter().find(|name| *name != newest).expect("another");
     choose(&mut onlooker, last);
     onlooker.looks_on(Duration::from_millis(40));
-    onlooker.ask(&json!({ "set": { "node": "strength", "param": "gain", "value": 0.125 } }));
+    onlooker.ask(&json!({ "set": ["strength.gain", 0.125] }));
     // The page hears of either change first: on a quick machine the texture is made before the parameter is
     // moved.
     let holds = |s: &Shown| {

@@ -7,6 +7,7 @@
 mod audio;
 mod calibrate;
 mod coil;
+mod control;
 mod driver;
 mod ear;
 mod edit;
@@ -26,6 +27,7 @@ mod pen;
 mod pictures;
 mod played;
 mod pulse_server;
+mod recorded;
 mod scene;
 mod simulated;
 mod socket;

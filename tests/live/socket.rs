@@ -118,9 +118,9 @@ impl Onlooker {
             }
             Message::Text(text) => {
                 let said: Value = serde_json::from_str(&text).expect("JSON");
-                if said["layout"].is_object() {
-                    self.shown.layout = said["layout"].clone();
-                    self.shown.hand = said["hand"] == true;
+                if said["layout"].is_array() {
+                    self.shown.layout = said["layout"][0].clone();
+                    self.shown.hand = said["layout"][1] == true;
                 }
             }
             _ => {}

@@ -41,6 +41,8 @@ impl Column {
     pub const FORCE: Self = Self::within("force_n", MAX_ABS_FORCE_N, "N");
     /// Speed along the surface.
     pub const SPEED: Self = Self { least: 0.0, ..Self::within("speed_mm_s", MAX_SPEED_MM_S, "mm/s") };
+    /// Number of the stroke: where it changes, the stylus was lifted and put down elsewhere.
+    pub const STROKE: Self = Self::within("stroke", 1e9, "");
     /// Velocity along x.
     pub const VX: Self = Self::within("vx_mm_s", MAX_SPEED_MM_S, "mm/s");
     /// Velocity along y.
@@ -54,13 +56,14 @@ impl Column {
     /// Acceleration of a single axis.
     pub const ACCELERATION: Self = Self::within("acceleration_m_s2", MAX_ABS_ACCELERATION_M_S2, "m/s^2");
 
-    const ALL: [Self; 12] = [
+    const ALL: [Self; 13] = [
         Self::TIME,
         Self::X,
         Self::Y,
         Self::Z,
         Self::FORCE,
         Self::SPEED,
+        Self::STROKE,
         Self::VX,
         Self::VY,
         Self::AX,
@@ -80,7 +83,9 @@ impl Column {
 
     /// The help of an error about a value.
     pub fn help(&self) -> String {
-        format!("`{}` is a number from {} to {} {}", self.name, self.least, self.greatest, self.unit)
+        let text =
+            format!("`{}` is a number from {} to {} {}", self.name, self.least, self.greatest, self.unit);
+        text.trim_end().to_owned()
     }
 
     /// Whether a file's column of this name is this quantity.
@@ -121,11 +126,12 @@ impl Column {
 const G: f64 = 9.80665;
 
 /// Units of files by the unit that they are converted to, with their factors.
-const UNITS: [(&str, &[(&str, f64)]); 5] = [
+const UNITS: [(&str, &[(&str, f64)]); 6] = [
     ("s", &[("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9)]),
     ("mm", &[("mm", 1.0), ("m", 1e3), ("cm", 10.0), ("um", 1e-3)]),
     ("N", &[("N", 1.0), ("mN", 1e-3), ("kN", 1e3), ("g", 1e-3 * G), ("gf", 1e-3 * G), ("kgf", G)]),
     ("mm/s", &[("mm/s", 1.0), ("m/s", 1e3), ("cm/s", 10.0), ("um/s", 1e-3)]),
+    ("", &[("", 1.0)]),
     ("m/s^2", &[("m/s^2", 1.0), ("mm/s^2", 1e-3), ("g", G), ("mg", 1e-3 * G)]),
 ];
 

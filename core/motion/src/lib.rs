@@ -31,6 +31,8 @@ pub struct Sample {
     pub force: Option<f64>,
     /// Planar speed in mm/s, if recorded.
     pub speed: Option<f64>,
+    /// Number of the stroke, if recorded.
+    pub stroke: Option<f64>,
 }
 
 /// `value` rounded to the nearest multiple of `quantum`; unchanged if `quantum` is not above zero.

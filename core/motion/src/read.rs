@@ -35,9 +35,11 @@ const Y: usize = 2;
 const Z: usize = 3;
 const FORCE: usize = 4;
 const SPEED: usize = 5;
-const COLUMNS: [Column; 6] = [Column::TIME, Column::X, Column::Y, Column::Z, Column::FORCE, Column::SPEED];
-const HEADER_HELP: &str =
-    "the first line names the columns: `t_s,x_mm,y_mm,z_mm`, and where recorded `force_n`, `speed_mm_s`";
+const STROKE: usize = 6;
+const COLUMNS: [Column; 7] =
+    [Column::TIME, Column::X, Column::Y, Column::Z, Column::FORCE, Column::SPEED, Column::STROKE];
+const HEADER_HELP: &str = "the first line names the columns: `t_s,x_mm,y_mm,z_mm`, and where recorded \
+    `force_n`, `speed_mm_s`, `stroke`";
 
 impl Trajectory {
     /// Reads a file; see [`parse`](Self::parse). Error: as [`Source::read`] and [`parse`](Self::parse).
@@ -46,8 +48,9 @@ impl Trajectory {
     }
 
     /// Reads a text as a [`Table`]. Its columns are `t_s` \[s\], `x_mm`, `y_mm`, `z_mm` \[mm\] and, where
-    /// recorded, `force_n` \[N\] and `speed_mm_s` \[mm/s\]. There is a row for each moment, at any rate, also
-    /// irregular.
+    /// recorded, `force_n` \[N\], `speed_mm_s` \[mm/s\] and `stroke`. There is a row for each moment, at any
+    /// rate, also irregular. Where the number of the `stroke` changes, the stylus was put down elsewhere: it
+    /// stays until then, however long that is.
     ///
     /// Two assumptions replace places that were not recorded:
     ///
@@ -64,12 +67,13 @@ impl Trajectory {
         let mut table = Table::open(source, &COLUMNS, &options.columns, HEADER_HELP)?;
         check(&table)?;
         let (has_place, has_z) = (table.has(X), table.has(Z));
-        let [mut force, mut speed] = [FORCE, SPEED].map(|column| table.has(column).then(Vec::new));
+        let [mut force, mut speed, mut stroke] =
+            [FORCE, SPEED, STROKE].map(|column| table.has(column).then(Vec::<f64>::new));
         let (mut time, mut position, mut clock) = (Vec::<f64>::new(), Vec::new(), Vec::new());
         let (mut way_mm, mut speed_before) = (0.0, 0.0);
         let mut row = [0.0; COLUMNS.len()];
         while let Some(span) = table.next_row(&mut row)? {
-            let [t, mut x, y, mut z, f, v] = row;
+            let [t, mut x, y, mut z, f, v, number] = row;
             if let (Some(&before), Some(&span_before)) = (time.last(), clock.last())
                 && t <= before
             {
@@ -93,6 +97,7 @@ impl Trajectory {
             position.push(options.axes.apply([x, y, z]));
             force.iter_mut().for_each(|column| column.push(f));
             speed.iter_mut().for_each(|column| column.push(v));
+            stroke.iter_mut().for_each(|column| column.push(number));
         }
         let presses = |column: &Vec<f64>| column.iter().any(|f| *f > 0.0) || column.iter().all(|f| *f == 0.0);
         if !force.as_ref().is_none_or(presses) {
@@ -108,7 +113,9 @@ impl Trajectory {
         }
         let median_step_s = median_step(&time);
         let max_gap_s = options.max_gap_s.unwrap_or(DEFAULT_MAX_GAP_S.max(MAX_GAP_STEPS * median_step_s));
-        if let Some(i) = time.windows(2).position(|w| w[1] - w[0] > max_gap_s) {
+        let lifts = |i: usize| stroke.as_ref().is_some_and(|number| number[i] != number[i + 1]);
+        let is_gap = |&i: &usize| time[i + 1] - time[i] > max_gap_s && !lifts(i);
+        if let Some(i) = (0..time.len() - 1).find(is_gap) {
             let (before, gap) = (time[i], time[i + 1] - time[i]);
             return Err(Diagnostic::new(format!("a gap of {gap:.4} s after {before} s"))
                 .at(source, clock[i + 1])
@@ -125,7 +132,7 @@ impl Trajectory {
             Interpolation::Linear => Vec::new(),
             Interpolation::Cubic => slopes(&time, &position),
         };
-        Ok(Self { time, position, slope, force, speed, repeats: false, ignored: table.ignored() })
+        Ok(Self { time, position, slope, force, speed, stroke, repeats: false, ignored: table.ignored() })
     }
 }
 

@@ -39,6 +39,7 @@ pub struct Trajectory {
     pub(super) slope: Vec<[f64; 3]>,
     pub(super) force: Option<Vec<f64>>,
     pub(super) speed: Option<Vec<f64>>,
+    pub(super) stroke: Option<Vec<f64>>,
     /// Whether it begins again at its end.
     pub(super) repeats: bool,
     pub(super) ignored: Vec<String>,
@@ -68,6 +69,9 @@ impl Trajectory {
         for column in [&mut self.force, &mut self.speed].into_iter().flatten() {
             column.extend([0.0, 0.0, column[0]]);
         }
+        if let Some(stroke) = &mut self.stroke {
+            stroke.resize(self.time.len(), stroke[stroke.len() - 1]);
+        }
         if !self.slope.is_empty() {
             self.slope = slopes(&self.time, &self.position);
         }
@@ -87,6 +91,11 @@ impl Trajectory {
     /// Whether a speed was recorded. Then every sample has one.
     pub fn has_speed(&self) -> bool {
         self.speed.is_some()
+    }
+
+    /// Whether the strokes were counted. Then every sample has the number of its stroke.
+    pub fn has_strokes(&self) -> bool {
+        self.stroke.is_some()
     }
 
     /// Columns of the file that nobody reads.
@@ -118,7 +127,14 @@ impl Trajectory {
         cursor.0 = row;
 
         let step = self.time[row + 1] - self.time[row];
-        let part = ((t - self.time[row]) / step).min(1.0);
+        let mut part = ((t - self.time[row]) / step).min(1.0);
+        let stroke = self.stroke.as_ref().map(|number| {
+            // Nothing lies between two strokes.
+            if number[row] != number[row + 1] {
+                part = part.floor();
+            }
+            number[if part < 1.0 { row } else { row + 1 }]
+        });
         let (from, to) = (self.position[row], self.position[row + 1]);
         let line = |a: f64, b: f64| a + part * (b - a);
         let value = |column: &Option<Vec<f64>>| column.as_ref().map(|c| line(c[row], c[row + 1]));
@@ -128,7 +144,7 @@ impl Trajectory {
             let (d0, d1) = (self.slope[row], self.slope[row + 1]);
             [0, 1, 2].map(|k| hermite(from[k], to[k], d0[k], d1[k], step, part))
         };
-        Sample { position, force: value(&self.force), speed: value(&self.speed) }
+        Sample { position, force: value(&self.force), speed: value(&self.speed), stroke }
     }
 }
 
@@ -214,6 +230,21 @@ mod tests {
             assert_eq!((s.position[0], s.force, s.speed), (3.0, Some(2.0), Some(10.0)));
         }
         assert_eq!(made(text, Interpolation::Linear).sample(2.0).position, [3.0, 2.5, -1.0]);
+    }
+
+    #[test]
+    fn nothing_lies_between_two_strokes() {
+        let text = "t_s,x_mm,y_mm,z_mm,stroke\n0,1,0,0,4\n1,2,0,0,4\n60,50,0,0,5\n61,52,0,0,5\n";
+        let source = Source::new("t.csv", text);
+        for interpolation in [Interpolation::Cubic, Interpolation::Linear] {
+            let options = TrajectoryOptions { interpolation, max_gap_s: Some(2.0), ..Default::default() };
+            let t = Trajectory::parse(&source, &options).unwrap();
+            let told = |at: f64| (t.sample(at).position[0], t.sample(at).stroke);
+            assert_eq!(told(59.99), (2.0, Some(4.0)), "the stylus waits, for longer than a gap may be");
+            assert_eq!(told(60.0), (50.0, Some(5.0)));
+            assert_eq!(told(61.0), (52.0, Some(5.0)));
+            assert_eq!(t.repeated().sample(61.5).stroke, Some(5.0));
+        }
     }
 
     #[test]

@@ -15,7 +15,8 @@ use ringbuf::{HeapCons, HeapProd, HeapRb};
 use crate::layout::{ACCELERATION, layout, scopes};
 use crate::output_limits::{LimitsControl, OutputLimits, device_limits, limiter_of};
 use crate::player::{
-    Hand, HandInput, MicReader, Motion, NodeMeters, Player, Scope, TapeReader, Wiring, hand_tape, tape,
+    Hand, HandInput, MicReader, Motion, NodeMeters, Player, Scope, Stylus, TapeReader, Wiring, hand_tape,
+    tape,
 };
 use crate::timeline::Timeline;
 use crate::view::{Layout, Materials, SourceView, View};
@@ -395,6 +396,7 @@ fn wire(
         forces: force_sinks,
         scopes: scopes_out,
         tapes: tapes_out,
+        stylus: Stylus::of(&schedule),
         meters: meters.clone(),
         spent: vec![0; schedule.nodes.len()],
     };

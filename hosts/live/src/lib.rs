@@ -43,7 +43,9 @@ pub use graph_controller::{
 };
 pub use meters::{Count, Histogram, Meters, Record};
 pub use output_limits::{OutputLimits, SharedLimits, Standing};
-pub use player::{HandInput, Listener, MicReader, MicWriter, Player, TapeReader, mic, place};
+pub use player::{
+    HandInput, Listener, MicReader, MicWriter, Player, StylusReader, StylusRow, TapeReader, mic, place,
+};
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::{Order, RemoteClock};
 pub use run_control::{RunControl, Unheard};

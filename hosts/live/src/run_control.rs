@@ -1,19 +1,22 @@
-//! Control of a run from any thread: mute it, stop it, request a change.
+//! Control of a run from any thread: mute it, stop it, request a change, leave a marker.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
 
 use parking_lot::Mutex;
 
-use crate::view::Request;
+use crate::view::{By, Change, Request};
 
 /// Most requests that may wait. A newer one of the same parameter or texture replaces an older one.
 const REQUESTS: usize = 256;
+/// Most changes and markers that a run lists.
+const CHANGES: usize = 100_000;
 
 /// Control of a run; every clone controls the same run.
 ///
 /// Muting and stopping never wait: every driver reads them in its next callback, whatever the control
-/// thread is doing. Requests wait until the control thread takes them.
+/// thread is doing. Other requests wait until the control thread takes them. Each change that was carried out
+/// is listed with its tick.
 #[derive(Clone, Debug, Default)]
 pub struct RunControl(Arc<Held>);
 
@@ -23,7 +26,11 @@ struct Held {
     /// Bits of an f32.
     strength: AtomicU32,
     stopping: Arc<AtomicBool>,
-    requests: Mutex<Vec<Request>>,
+    requests: Mutex<Vec<(Request, By)>>,
+    /// The next tick, and ticks a second.
+    tick: AtomicU64,
+    tick_hz: AtomicU32,
+    changes: Mutex<Vec<Change>>,
 }
 
 impl Default for Held {
@@ -33,6 +40,9 @@ impl Default for Held {
             strength: AtomicU32::new(1.0_f32.to_bits()),
             stopping: Arc::default(),
             requests: Mutex::default(),
+            tick: AtomicU64::default(),
+            tick_hz: AtomicU32::new(1),
+            changes: Mutex::default(),
         }
     }
 }
@@ -44,11 +54,17 @@ pub enum Unheard {
     Busy,
     /// The run is stopping.
     Over,
+    /// The report has room for no more markers.
+    Full,
 }
 
 impl std::fmt::Display for Unheard {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(if *self == Self::Busy { "The run is busy. Try again." } else { "The run has ended." })
+        f.write_str(match self {
+            Self::Busy => "the run is busy: try again",
+            Self::Over => "the run has ended",
+            Self::Full => "the report is full: it lists 100,000 changes and markers",
+        })
     }
 }
 
@@ -61,11 +77,6 @@ impl RunControl {
     /// Mutes the output within 15 ms, or unmutes it. Ticks go on. A device that comes back stays muted.
     pub fn mute(&self, mute: bool) {
         self.0.muted.store(mute, Relaxed);
-    }
-
-    /// Mutes an audible run, unmutes a muted one.
-    pub fn toggle_mute(&self) {
-        self.0.muted.fetch_not(Relaxed);
     }
 
     /// Whether the output is to be silent. Never waits.
@@ -95,26 +106,76 @@ impl RunControl {
         self.0.stopping.load(Relaxed)
     }
 
-    /// Requests a change. It replaces one that waits for the same parameter or texture.
+    /// Requests a change. One of a parameter or a texture waits for the control thread, and replaces one that
+    /// waits for the same. Any other is carried out at once: it is listed and returned.
     ///
     /// # Errors
     /// [`Unheard`] says why it is refused.
-    pub fn ask(&self, request: Request) -> Result<(), Unheard> {
+    pub fn ask(&self, request: Request, by: &By) -> Result<Option<Change>, Unheard> {
         if self.stopping() {
             return Err(Unheard::Over);
         }
+        let what = match request {
+            Request::Set { .. } | Request::Material { .. } => return self.wait(request, by).map(|()| None),
+            Request::Mute(mute) => {
+                self.mute(mute);
+                format!("mute {mute}")
+            }
+            Request::Strength(strength) => {
+                self.set_strength(strength);
+                format!("gain {}", self.strength())
+            }
+            Request::Marker(_) if self.0.changes.lock().len() >= CHANGES => return Err(Unheard::Full),
+            Request::Marker(text) => format!("marker {text}"),
+            Request::Stop => "stop".to_owned(),
+        };
+        let change = self.list(what, &by.name);
+        if change.what == "stop" {
+            self.stop();
+        }
+        Ok(Some(change))
+    }
+
+    fn wait(&self, request: Request, by: &By) -> Result<(), Unheard> {
         let mut requests = self.0.requests.lock();
-        requests.retain(|waiting| !waiting.is_of_the_same(&request));
+        requests.retain(|(waiting, _)| !waiting.is_of_the_same(&request));
         if requests.len() >= REQUESTS {
             return Err(Unheard::Busy);
         }
-        requests.push(request);
+        requests.push((request, by.clone()));
         Ok(())
     }
 
     /// Takes the requests since the last call, oldest first.
-    pub fn asked(&self) -> Vec<Request> {
+    pub fn asked(&self) -> Vec<(Request, By)> {
         std::mem::take(&mut *self.0.requests.lock())
+    }
+
+    /// Lists a change that was carried out just now. A list that is full stays as it is.
+    pub fn list(&self, what: String, by: &str) -> Change {
+        let tick = self.0.tick.load(Relaxed);
+        let at_s = tick as f64 / f64::from(self.0.tick_hz.load(Relaxed));
+        let change = Change { tick, at_s, what, by: by.to_owned() };
+        let mut changes = self.0.changes.lock();
+        if changes.len() < CHANGES {
+            changes.push(change.clone());
+        }
+        change
+    }
+
+    /// Changes and markers after the first `known`, oldest first.
+    pub fn changes(&self, known: usize) -> Vec<Change> {
+        self.0.changes.lock().get(known..).unwrap_or_default().to_vec()
+    }
+
+    /// Notes the number of the next tick. Tick thread.
+    pub(crate) fn comes_to(&self, tick: u64) {
+        self.0.tick.store(tick, Relaxed);
+    }
+
+    /// Notes how many ticks a second there are. Before the run.
+    pub(crate) fn ticks_at(&self, tick_hz: u32) {
+        self.0.tick_hz.store(tick_hz.max(1), Relaxed);
     }
 }
 
@@ -140,6 +201,14 @@ mod tests {
         Request::Material { node: node.into(), name: name.into() }
     }
 
+    fn ask(run_control: &RunControl, request: Request) -> Result<Option<Change>, Unheard> {
+        run_control.ask(request, &By::name("somebody"))
+    }
+
+    fn waiting(run_control: &RunControl) -> Vec<Request> {
+        run_control.asked().into_iter().map(|(request, _)| request).collect()
+    }
+
     #[test]
     fn newer_request_replaces_an_older_one() {
         let run_control = RunControl::default();
@@ -151,23 +220,52 @@ mod tests {
             set("gain", 3.0),
             material("a", "cork"),
         ] {
-            assert_eq!(run_control.clone().ask(request), Ok(()));
+            assert_eq!(ask(&run_control.clone(), request), Ok(None));
         }
         let newest = [set("offset", 2.0), material("b", "brick"), set("gain", 3.0), material("a", "cork")];
-        assert_eq!(run_control.asked(), newest);
-        assert_eq!(run_control.asked(), []);
+        assert_eq!(waiting(&run_control), newest);
+        assert_eq!(waiting(&run_control), []);
     }
 
     #[test]
     fn requests_are_bounded_and_end_with_the_run() {
         let flag = Arc::new(AtomicBool::new(false));
         let run_control = RunControl::stopped_by(flag.clone());
-        let refused =
-            (0..300).filter(|i| run_control.ask(set(&format!("p{i}"), 0.0)) == Err(Unheard::Busy)).count();
-        assert_eq!(refused, 300 - 256);
-        assert_eq!(run_control.ask(set("p7", 1.0)), Ok(()), "it takes the place of another");
+        let busy = |i: &i32| ask(&run_control, set(&format!("p{i}"), 0.0)) == Err(Unheard::Busy);
+        assert_eq!((0..300).filter(busy).count(), 300 - 256);
+        assert_eq!(ask(&run_control, set("p7", 1.0)), Ok(None), "it takes the place of another");
         flag.store(true, Relaxed);
         assert!(run_control.stopping());
-        assert_eq!(run_control.ask(set("p7", 2.0)), Err(Unheard::Over));
+        assert_eq!(ask(&run_control, set("p7", 2.0)), Err(Unheard::Over));
+        assert_eq!(ask(&run_control, Request::Marker("late".into())), Err(Unheard::Over));
+    }
+
+    #[test]
+    fn immediate_requests_act_and_are_listed_with_their_tick() {
+        let run_control = RunControl::default();
+        run_control.ticks_at(500);
+        let requests =
+            [Request::Mute(true), Request::Strength(2.0), Request::Marker("trial 3".into()), Request::Stop];
+        for (tick, request) in (0..).zip(requests) {
+            run_control.comes_to(100 * tick);
+            assert!(ask(&run_control, request).is_ok_and(|change| change.is_some()));
+        }
+        let listed = run_control.changes(0);
+        let told: Vec<_> = listed.iter().map(|c| (c.tick, c.at_s, &*c.what)).collect();
+        assert_eq!(
+            told,
+            [(0, 0.0, "mute true"), (100, 0.2, "gain 1"), (200, 0.4, "marker trial 3"), (300, 0.6, "stop")]
+        );
+        assert!(run_control.muted() && run_control.stopping() && listed[0].by == "somebody");
+        assert_eq!((run_control.changes(3).len(), run_control.changes(4).len()), (1, 0));
+    }
+
+    #[test]
+    fn full_list_of_changes_takes_no_marker_and_still_mutes() {
+        let run_control = RunControl::default();
+        (0..CHANGES).for_each(|_| drop(run_control.list("set a.b 1".into(), "a")));
+        assert_eq!(ask(&run_control, Request::Marker("x".into())), Err(Unheard::Full));
+        assert!(ask(&run_control, Request::Mute(true)).is_ok() && run_control.muted());
+        assert_eq!(run_control.changes(0).len(), CHANGES);
     }
 }

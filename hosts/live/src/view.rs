@@ -158,7 +158,7 @@ pub struct View {
     /// Each node, in the layout's order.
     pub nodes: Vec<NodeView>,
     pub sources: Vec<SourceView>,
-    /// Place of the stylus over a scene.
+    /// Place of the stylus; `None` where the graph has none.
     pub stylus_mm: Option<[f32; 3]>,
     /// New samples of each scope, oldest first.
     pub scopes: Vec<Vec<f32>>,
@@ -219,12 +219,26 @@ pub struct SourceView {
     pub samples: u64,
 }
 
-/// Change that a person requests of a running graph; see [`RunControl`](crate::RunControl) for muting and
-/// stopping.
+/// A change of a run, or a note about it. The first two wait for the control thread; the others act at once.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Request {
-    Set { node: String, param: String, value: f64 },
-    Material { node: String, name: String },
+    Set {
+        node: String,
+        param: String,
+        value: f64,
+    },
+    Material {
+        node: String,
+        name: String,
+    },
+    /// Silences the output, or ends the silence.
+    Mute(bool),
+    /// Strength of the output, 0 to 1.
+    Strength(f32),
+    /// A note for the report.
+    Marker(String),
+    /// Ends the run.
+    Stop,
 }
 
 impl Request {
@@ -236,4 +250,33 @@ impl Request {
             _ => false,
         }
     }
+}
+
+/// Who requests a change.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct By {
+    /// Name for reports.
+    pub name: String,
+    /// Number of the client that hears the answer; 0 for none.
+    pub client: u64,
+}
+
+impl By {
+    /// Somebody who sees the run, and needs no answer.
+    pub fn name(name: &str) -> Self {
+        Self { name: name.into(), client: 0 }
+    }
+}
+
+/// A change that was carried out, or a marker.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Change {
+    /// The first tick that it counts for.
+    pub tick: u64,
+    /// Start of that tick.
+    pub at_s: f64,
+    /// The command with its arguments, such as `set gain.gain 0.5`.
+    pub what: String,
+    /// Name of who asked for it.
+    pub by: String,
 }

@@ -81,6 +81,17 @@ impl Failure {
         }
     }
 
+    /// The first error with its place, and its help, for another program.
+    pub fn parts(&self) -> (String, String) {
+        match self {
+            Failure::Input(all) => all.first().map_or_else(Default::default, |d| {
+                let bare = Diagnostic { help: None, ..d.clone() };
+                (clean(&bare.to_string()), d.help.as_deref().map(clean).unwrap_or_default())
+            }),
+            failure => (failure.reason(), String::new()),
+        }
+    }
+
     /// The whole text: of each error `file:line:column: message`, then the source with a caret, then help.
     pub fn text(&self) -> String {
         match self {

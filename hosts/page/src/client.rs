@@ -1,25 +1,27 @@
-//! One page: figures out, requests and strokes in.
+//! One page or other program with a WebSocket: figures out, commands and strokes in.
 
 use std::sync::Arc;
 use std::time::Duration;
 
-use asperity_live::view::{Layout, Request};
+use asperity_live::view::By;
 use axum::extract::ws::{CloseFrame, Message, WebSocket, close_code};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
+use parking_lot::Mutex;
 use tokio::sync::{mpsc, watch};
 use tokio::time::{Instant, sleep_until, timeout};
 
+use crate::control::{Answer, Subscriptions, obey, read};
 use crate::hand::{Pen, whose};
 use crate::server::Shared;
-use crate::wire::{self, AHEAD, Ask, PATIENCE, Told};
+use crate::wire::{self, AHEAD, PATIENCE, Told};
 
 /// Most messages of a page in a second, and at once. A pen of 1 kHz sends 1000 a second.
 pub(crate) const MESSAGES: [f64; 2] = [4000.0, 8000.0];
-/// Most requests of a page in a second, and at once. A slider sends one a frame.
-const ASKS: [f64; 2] = [250.0, 500.0];
-/// Most answers that wait for a page.
-const ANSWERS: usize = 16;
+/// Most commands of a client in a second, and at once. A slider sends one a frame.
+pub(crate) const ASKS: [f64; 2] = [250.0, 500.0];
+/// Most answers that wait for a client: all values of a graph fit in.
+const ANSWERS: usize = 512;
 /// Longest wait for a page to hear why it is disconnected.
 const FAREWELL: Duration = Duration::from_secs(1);
 
@@ -29,20 +31,38 @@ type Leave = (u16, &'static str);
 const SLOW: Leave = (close_code::POLICY, "too slow: views were not acknowledged");
 const GONE: Leave = (close_code::NORMAL, "");
 
-/// Serves a page until it leaves, breaks a rule, or the server stops.
-pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
+/// Serves a client until it leaves, breaks a rule, or the server stops. `watches`: it is a page, and is sent
+/// layouts and views.
+pub(crate) async fn attend(socket: WebSocket, watches: bool, shared: Arc<Shared>) {
     let (mut to, mut from) = socket.split();
     let (tell_got, got) = watch::channel(0);
     let (answers, mut waiting) = mpsc::channel(ANSWERS);
     let mut stop = shared.stop.subscribe();
-    let since = Instant::now();
-    let show = Show { to: &mut to, page, shared: &shared, got, sent: 0, since, layouts: 0, seen: 0 };
+    let client = shared.next_number();
+    let name = format!("{} {client}", if watches { "page" } else { "program" });
+    let late = answers.clone();
+    shared.enter(client, Box::new(move |answer| drop(late.try_send(answer))));
+    let by = By { name, client };
+    let subscriptions = Mutex::default();
+    let show = Show {
+        to: &mut to,
+        page: client,
+        watches,
+        shared: &shared,
+        subscriptions: &subscriptions,
+        got,
+        sent: 0,
+        since: Instant::now(),
+        layouts: 0,
+        seen: 0,
+    };
     let (code, reason) = tokio::select! {
-        leave = listen(&mut from, page, &shared, tell_got, answers) => leave,
+        leave = listen(&mut from, &by, &shared, &subscriptions, tell_got, answers) => leave,
         leave = show.run(&mut waiting) => leave,
         _ = stop.wait_for(|stop| *stop) => (close_code::AWAY, "the run has ended"),
     };
-    shared.hand.free(page);
+    shared.leave(client);
+    shared.hand.free(client);
     let close = Message::Close(Some(CloseFrame { code, reason: reason.into() }));
     // A socket that closes with unread data also loses its last message: the reason.
     let farewell = async {
@@ -53,13 +73,14 @@ pub(crate) async fn attend(socket: WebSocket, page: u64, shared: Arc<Shared>) {
     let _ = timeout(FAREWELL, farewell).await;
 }
 
-/// Reads the messages of a page.
+/// Reads the messages of a client.
 async fn listen(
     from: &mut SplitStream<WebSocket>,
-    page: u64,
+    by: &By,
     shared: &Shared,
+    subscriptions: &Mutex<Subscriptions>,
     got: watch::Sender<u64>,
-    answers: mpsc::Sender<String>,
+    answers: mpsc::Sender<Answer>,
 ) -> Leave {
     let (mut messages, mut asks) = (Bucket::new(MESSAGES), Bucket::new(ASKS));
     let mut pen = Pen::default();
@@ -71,20 +92,15 @@ async fn listen(
         }
         match message {
             Message::Text(text) => {
-                let Ok(ask) = serde_json::from_str(&text) else {
-                    return (close_code::INVALID, "unknown request");
-                };
                 if !asks.take() {
-                    return (close_code::POLICY, "too many requests");
+                    return (close_code::POLICY, "too many commands");
                 }
-                let answer = match ask {
-                    Ask::Echo(ms) => Some(serde_json::json!({ "echo": ms })),
-                    ask => pass(ask, shared).err().map(|why| serde_json::json!({ "refused": why })),
+                let told = match read(&text) {
+                    Ok(command) => obey(command, by, shared, subscriptions),
+                    Err(wrong) => vec![wrong],
                 };
-                if let Some(answer) = answer {
-                    // A page that does not read its answers loses them.
-                    let _ = answers.try_send(answer.to_string());
-                }
+                // A client that does not read its answers loses them.
+                told.into_iter().for_each(|answer| drop(answers.try_send(answer)));
             }
             Message::Binary(bytes) => match wire::told(&bytes) {
                 None => return (close_code::INVALID, "not a valid binary message"),
@@ -92,9 +108,9 @@ async fn listen(
                     got.send_if_modified(|got| std::mem::replace(got, count.max(*got)) < count);
                 }
                 Some(Told::Hand(sent, strokes)) => {
-                    shared.hand.moved(page, &mut pen, sent, &strokes);
+                    shared.hand.moved(by.client, &mut pen, sent, &strokes);
                 }
-                Some(Told::Free) => shared.hand.free(page),
+                Some(Told::Free) => shared.hand.free(by.client),
             },
             Message::Ping(_) | Message::Pong(_) => {}
             Message::Close(_) => return GONE,
@@ -103,53 +119,13 @@ async fn listen(
     GONE
 }
 
-/// Carries a request out, or passes it on if it fits the graph. An error is shown on the page.
-fn pass(ask: Ask, shared: &Shared) -> Result<(), String> {
-    let request = match ask {
-        Ask::Mute(mute) => {
-            shared.run_control.mute(mute);
-            return Ok(());
-        }
-        Ask::Strength(strength) => {
-            shared.run_control.set_strength(strength);
-            return Ok(());
-        }
-        Ask::Echo(_) => return Ok(()),
-        Ask::Stop => {
-            shared.run_control.stop();
-            return Ok(());
-        }
-        Ask::Set { node, param, value } => set(node, param, value, &shared.feed.layout())?,
-        Ask::Material { node, name } => material(node, name, &shared.feed.layout())?,
-    };
-    shared.run_control.ask(request).map_err(|unheard| unheard.to_string())
-}
-
-fn set(node: String, param: String, value: f64, layout: &Layout) -> Result<Request, String> {
-    let live = layout.nodes.iter().find(|x| x.id == node).map_or(&[][..], |x| &x.live);
-    let Some(live) = live.iter().find(|x| x.name == param) else {
-        return Err(format!("{node} has no parameter {param} that can change while it runs."));
-    };
-    let fits = (live.least..=live.most).contains(&value) && !(live.whole && value.fract() != 0.0);
-    if !fits {
-        return Err(format!("{param} of {node} takes {} to {} {}.", live.least, live.most, live.unit));
-    }
-    Ok(Request::Set { node, param, value })
-}
-
-fn material(node: String, name: String, layout: &Layout) -> Result<Request, String> {
-    let known = layout.materials.iter().any(|x| x.node == node && x.names.contains(&name));
-    if !known {
-        return Err(format!("{node} has no material {name}."));
-    }
-    Ok(Request::Material { node, name })
-}
-
-/// Shows the run to a page.
+/// Shows the run to a client.
 struct Show<'a> {
     to: &'a mut SplitSink<WebSocket, Message>,
     page: u64,
+    watches: bool,
     shared: &'a Shared,
+    subscriptions: &'a Mutex<Subscriptions>,
     /// Views that the page has acknowledged, and that it was sent.
     got: watch::Receiver<u64>,
     sent: u64,
@@ -160,7 +136,7 @@ struct Show<'a> {
 }
 
 impl Show<'_> {
-    async fn run(mut self, waiting: &mut mpsc::Receiver<String>) -> Leave {
+    async fn run(mut self, waiting: &mut mpsc::Receiver<Answer>) -> Leave {
         let mut news = self.shared.feed.news();
         let mut holder = self.shared.hand.holder();
         holder.mark_changed();
@@ -183,8 +159,8 @@ impl Show<'_> {
                     }
                     None
                 }
-                Ok(has) = changed => Some(whose(has, self.page).to_owned()),
-                Some(answer) = waiting.recv() => Some(answer),
+                Ok(has) = changed, if self.watches => Some(whose(has, self.page).to_owned()),
+                Some(answer) = waiting.recv() => Some(answer.json()),
                 () = sleep_until(self.since + PATIENCE), if owes => return SLOW,
             };
             if let Some(text) = text
@@ -197,6 +173,14 @@ impl Show<'_> {
 
     /// Sends new values, as far as the page keeps up.
     async fn catch_up(&mut self) -> Result<(), Leave> {
+        let (figures, now) = (self.shared.feed.figures(), std::time::Instant::now());
+        let due = self.subscriptions.lock().due(now, &figures, &self.shared.run_control);
+        for answer in due {
+            self.send(Message::Text(answer.json().into())).await?;
+        }
+        if !self.watches {
+            return Ok(());
+        }
         let news = self.shared.feed.after(self.layouts, self.seen);
         if let Some((layout, count)) = news.layout {
             self.layouts = count;

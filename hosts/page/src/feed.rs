@@ -1,4 +1,4 @@
-//! The newest figures of a run, for the pages.
+//! The newest figures of a run, for pages and other programs.
 
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -8,6 +8,7 @@ use axum::body::Bytes;
 use parking_lot::Mutex;
 use tokio::sync::watch;
 
+use crate::control::Figures;
 use crate::wire;
 
 /// Views that are kept for slow pages: half a second, so that one that listens has no gaps. A page further
@@ -32,6 +33,7 @@ pub(crate) struct State {
     /// Number of published views. A run may restart its own count.
     newest: u64,
     views: VecDeque<Bytes>,
+    figures: Arc<Figures>,
 }
 
 /// Everything that a page has not seen.
@@ -61,8 +63,15 @@ impl Feed {
         if seen.0 != view.layout {
             *seen = (view.layout, Vec::new());
         }
+        let (layout, mut figures) = {
+            let state = self.state.borrow();
+            (state.layout.clone(), Figures::clone(&state.figures))
+        };
+        figures.take(&view, &layout);
+        let figures = Arc::new(figures);
         let packed = Bytes::from(wire::view(view, &mut seen.1));
         self.state.send_modify(|state| {
+            state.figures = figures;
             state.newest += 1;
             state.views.push_back(packed);
             if state.views.len() > KEPT {
@@ -73,6 +82,10 @@ impl Feed {
 
     pub(crate) fn layout(&self) -> Arc<Layout> {
         self.state.borrow().layout.clone()
+    }
+
+    pub(crate) fn figures(&self) -> Arc<Figures> {
+        self.state.borrow().figures.clone()
     }
 
     pub(crate) fn news(&self) -> watch::Receiver<State> {

@@ -16,9 +16,9 @@ const STEP_MM: f64 = 3.0;
 /// Message to a page: whose hand it is.
 pub(crate) fn whose(holder: Option<u64>, page: u64) -> &'static str {
     match holder {
-        Some(holder) if holder == page => r#"{"hand":"yours"}"#,
-        Some(_) => r#"{"hand":"theirs"}"#,
-        None => r#"{"hand":"free"}"#,
+        Some(holder) if holder == page => r#"{"hand":["yours"]}"#,
+        Some(_) => r#"{"hand":["theirs"]}"#,
+        None => r#"{"hand":["free"]}"#,
     }
 }
 

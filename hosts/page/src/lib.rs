@@ -1,6 +1,7 @@
-//! Pages of a program in a browser: the live page, and the screens of a study with people.
+//! Pages of a program in a browser, and control of a run by other programs.
 //!
-//! The live page is a surface to stroke, and the figures of a running graph.
+//! The live page is a surface to stroke, and the figures of a running graph. Pages and other programs control
+//! the run by one protocol, whose table is [`MESSAGES`].
 //! [`serve`] starts a server on a thread of its own. The control thread of a run hands figures to a
 //! [`Feed`] and never waits for a page. Strokes on the page come out of an [`asperity_live::SampleReader`],
 //! requests out of the run's [`asperity_live::RunControl`]. The tick thread is not involved.
@@ -14,11 +15,12 @@
 //! request has one, must be this page. The page loads nothing from elsewhere, and forbids the
 //! browser to do so.
 //!
-//! The cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages,
-//! [`AHEAD`] views on the way to each, and messages of [`MESSAGE`] bytes at a limited rate. A page that
-//! acknowledges no view for [`PATIENCE`] is disconnected.
+//! The cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages and
+//! programs with a WebSocket, [`CLIENTS`] with OSC, [`AHEAD`] views on the way to each page, and messages of
+//! [`MESSAGE`] bytes at a limited rate. A page that acknowledges no view for [`PATIENCE`] is disconnected.
 
 mod client;
+mod control;
 mod door;
 mod feed;
 mod hand;
@@ -32,11 +34,13 @@ mod site;
 mod stroke;
 mod wire;
 
+pub use control::osc::{CLIENTS, SILENCE};
+pub use control::{Argument, Kind, MESSAGES, Message, Way, table};
 pub use door::CONNECTIONS;
 pub use feed::Feed;
 pub use map::Map;
 pub use renders::Rendered;
 pub use screen::{PRESS, Pressed, Screen, Who, screen};
 pub use server::{PAGES, Page, serve};
-pub use site::Options;
+pub use site::{Options, Serves};
 pub use wire::{AHEAD, MESSAGE, PATIENCE};

@@ -88,7 +88,7 @@ pub fn screen(options: Options, who: Who, pointer: Option<SampleWriter>) -> io::
         Who::Experimenter => EXPERIMENTER,
     };
     let files = [page, script, STYLES, POLL, ICON, COLOURS, AWAKE, LINK, POINTER, DRAW];
-    let site = Site::open(options, router, &files, shared.stop.clone())?;
+    let site = Site::open(options, router, &files, shared.stop.clone(), None)?;
     Ok(Screen { site, shared })
 }
 

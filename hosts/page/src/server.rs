@@ -1,10 +1,13 @@
-//! The server of the live page.
+//! The server of a run: the live page, and control by other programs.
 
+use std::collections::HashMap;
 use std::io;
+use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 use std::sync::atomic::Ordering::Relaxed;
 
+use asperity_live::view::{By, Change, Request};
 use asperity_live::{RunControl, SampleWriter};
 use axum::Router;
 use axum::body::Bytes;
@@ -15,14 +18,17 @@ use axum::routing::{get, post};
 use parking_lot::Mutex;
 use tokio::sync::{Semaphore, watch};
 
+use crate::control::{Answer, name_of, osc};
 use crate::feed::Feed;
 use crate::hand::Hand;
 use crate::map::{Around, Map};
 use crate::renders::{Numbered, Rendered, Renders};
-use crate::site::{AWAKE, COLOURS, DRAW, File, HTML, ICON, LINK, Options, POINTER, SCRIPT, STYLE, Site};
+use crate::site::{
+    AWAKE, Beside, COLOURS, DRAW, File, HTML, ICON, LINK, Options, POINTER, SCRIPT, STYLE, Serves, Site,
+};
 use crate::{client, pictures, stroke, wire};
 
-/// Most pages at a time. One more gets 503.
+/// Most pages and other programs with a WebSocket at a time. One more gets 503.
 pub const PAGES: usize = 16;
 /// Most bytes that wait to be written to a page: more than the layout of any graph.
 const WAITING: usize = 16 * 1024 * 1024;
@@ -32,10 +38,16 @@ pub(crate) struct Shared {
     pub(crate) run_control: RunControl,
     pub(crate) hand: Hand,
     renders: Mutex<Renders>,
+    /// Number of clients that came so far: pages, and programs by WebSocket or OSC.
     came: AtomicU64,
+    /// Those that are here, by number: how each gets a late answer.
+    clients: Mutex<HashMap<u64, Line>>,
     pub(crate) stop: watch::Sender<bool>,
     places: Arc<Semaphore>,
 }
+
+/// Way of a late answer to a client.
+pub(crate) type Line = Box<dyn Fn(Answer) + Send + Sync>;
 
 /// A running server. A drop stops it and tells the pages that the run has ended.
 pub struct Page {
@@ -43,7 +55,7 @@ pub struct Page {
     shared: Arc<Shared>,
 }
 
-/// Serves the page on a thread of its own, until the [`Page`] is dropped.
+/// Serves pages and other programs on a thread of its own, until the [`Page`] is dropped.
 ///
 /// Pages show `feed`. Every page holds `run_control`: mute and stop act at once. Other requests are checked
 /// against the layout and wait in `run_control`; when these are full, the page must try again.
@@ -68,10 +80,15 @@ pub fn serve(
         hand: Hand::new(pointer),
         renders: Mutex::default(),
         came: AtomicU64::new(0),
+        clients: Mutex::default(),
         stop: watch::Sender::new(false),
         places: Arc::new(Semaphore::new(PAGES)),
     });
-    let site = Site::open(options, router(&shared), FILES, shared.stop.clone())?;
+    let files = if options.serves == Serves::Control { &[] } else { FILES };
+    let talks = shared.clone();
+    let by_osc: Beside = Box::new(move |socket, token| Box::pin(osc::talk(socket, token, talks)));
+    let beside = (options.serves != Serves::Page).then_some(by_osc);
+    let site = Site::open(options, router(&shared), files, shared.stop.clone(), beside)?;
     Ok(Page { site, shared })
 }
 
@@ -86,6 +103,28 @@ impl Page {
     #[must_use]
     pub fn urls(&self) -> &[String] {
         self.site.urls()
+    }
+
+    /// The token in the addresses.
+    #[must_use]
+    pub fn token(&self) -> &str {
+        self.site.token()
+    }
+
+    /// Where the server listens for OSC, if it does.
+    #[must_use]
+    pub fn osc(&self) -> Option<SocketAddr> {
+        self.site.udp()
+    }
+
+    /// Tells a client that the change for which it asked was carried out.
+    pub fn done(&self, by: &By, change: &Change) {
+        self.shared.answer(by, Answer::done(&change.what, change.at_s));
+    }
+
+    /// Tells a client that its request was refused, why, and what helps.
+    pub fn refused(&self, by: &By, request: &Request, message: &str, help: &str) {
+        self.shared.answer(by, Answer::error(name_of(request), message, help));
     }
 
     /// Shows the scene of the run, or that it has none. Pages hear of it with the next layout.
@@ -121,11 +160,32 @@ impl Shared {
     fn watching(&self) -> usize {
         PAGES - self.places.available_permits()
     }
+
+    /// The number of a client that has just come.
+    pub(crate) fn next_number(&self) -> u64 {
+        1 + self.came.fetch_add(1, Relaxed)
+    }
+
+    /// A client can be answered from now on.
+    pub(crate) fn enter(&self, number: u64, line: Line) {
+        self.clients.lock().insert(number, line);
+    }
+
+    pub(crate) fn leave(&self, number: u64) {
+        self.clients.lock().remove(&number);
+    }
+
+    fn answer(&self, by: &By, answer: Answer) {
+        if let Some(line) = self.clients.lock().get(&by.client) {
+            line(answer);
+        }
+    }
 }
 
 fn router(shared: &Arc<Shared>) -> Router {
     Router::new()
-        .route("/ws", get(watch))
+        .route("/ws", get(async |state, socket| attend(state, socket, true).await))
+        .route("/control", get(async |state, socket| attend(state, socket, false).await))
         .route("/places", get(places))
         .route("/map", get(map))
         .route("/stroke.csv", post(stroke_csv))
@@ -196,19 +256,19 @@ fn json(value: &serde_json::Value) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], value.to_string()).into_response()
 }
 
-async fn watch(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade) -> Response {
+/// Lets a program talk. `watches`: it is a page, and is sent views.
+async fn attend(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade, watches: bool) -> Response {
     let Ok(place) = shared.places.clone().try_acquire_owned() else {
         let why = format!("{PAGES} pages show this run already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();
     };
-    let page = shared.came.fetch_add(1, Relaxed);
     socket
         .max_message_size(wire::MESSAGE)
         .max_frame_size(wire::MESSAGE)
         .write_buffer_size(0)
         .max_write_buffer_size(WAITING)
         .on_upgrade(async move |socket| {
-            client::attend(socket, page, shared).await;
+            client::attend(socket, watches, shared).await;
             drop(place);
         })
 }

@@ -1,7 +1,9 @@
 //! A server on a thread of its own, bound to the loopback address unless the user names another.
 
+use std::future::Future;
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+use std::pin::Pin;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -34,7 +36,25 @@ pub struct Options {
     pub bind: Option<IpAddr>,
     /// Secret in the address: letters, digits, `-` and `_`. `None` makes a random one of 128 bits.
     pub token: Option<String>,
+    /// Who is served.
+    pub serves: Serves,
 }
+
+/// Who is served by a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Serves {
+    /// Browsers.
+    #[default]
+    Page,
+    /// Other programs, by WebSocket and by OSC: at the UDP port of the same number, or at a free one.
+    Control,
+    /// Both.
+    Both,
+}
+
+/// Listens at a UDP port beside the server, for senders who know the token.
+pub(crate) type Beside =
+    Box<dyn FnOnce(tokio::net::UdpSocket, Arc<str>) -> Pin<Box<dyn Future<Output = ()> + Send>> + Send>;
 
 /// A file of a page: path, content type, text.
 pub(crate) type File = (&'static str, &'static str, &'static str);
@@ -54,6 +74,8 @@ pub(crate) const DRAW: File = ("/draw.js", SCRIPT, include_str!("../static/draw.
 /// A running server. A drop stops it.
 pub(crate) struct Site {
     urls: Vec<String>,
+    token: Arc<str>,
+    udp: Option<SocketAddr>,
     stop: watch::Sender<bool>,
     thread: Option<JoinHandle<()>>,
 }
@@ -71,6 +93,7 @@ impl Site {
         router: Router,
         files: &[File],
         stop: watch::Sender<bool>,
+        beside: Option<Beside>,
     ) -> io::Result<Self> {
         let token = options.token.map_or_else(random, Ok)?;
         if token.is_empty() || !token.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_".contains(&b)) {
@@ -83,20 +106,42 @@ impl Site {
         let listener = std::net::TcpListener::bind((bind, options.port))?;
         listener.set_nonblocking(true)?;
         let port = listener.local_addr()?.port();
+        let udp = beside.map(|beside| Ok::<_, io::Error>((udp(bind, port)?, beside))).transpose()?;
+        let udp_at = udp.as_ref().map(|(socket, _)| socket.local_addr()).transpose()?;
+        let token: Arc<str> = token.into();
         let url = |at: IpAddr| format!("http://{}/?token={token}", SocketAddr::new(at, port));
         let urls = reached_at(bind).into_iter().map(url).collect();
         let router = guarded(router, files, &token);
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build()?;
-        let held = stop.clone();
+        let (held, shown) = (stop.clone(), token.clone());
         let thread = std::thread::Builder::new().name("asperity-page".to_owned()).spawn(move || {
             runtime.block_on(async {
-                // This fails only on a runtime without I/O.
-                if let Ok(listener) = TcpListener::from_std(listener) {
-                    accept(listener, router, held).await;
-                }
+                let talk = async {
+                    if let Some((socket, beside)) = udp
+                        && let Ok(socket) = tokio::net::UdpSocket::from_std(socket)
+                    {
+                        beside(socket, shown).await;
+                    }
+                };
+                let accept = async {
+                    // This fails only on a runtime without I/O.
+                    if let Ok(listener) = TcpListener::from_std(listener) {
+                        accept(listener, router, held).await;
+                    }
+                };
+                tokio::join!(talk, accept);
             });
         })?;
-        Ok(Self { urls, stop, thread: Some(thread) })
+        Ok(Self { urls, token, udp: udp_at, stop, thread: Some(thread) })
+    }
+
+    pub(crate) fn token(&self) -> &str {
+        &self.token
+    }
+
+    /// Where it listens beside the server.
+    pub(crate) fn udp(&self) -> Option<SocketAddr> {
+        self.udp
     }
 
     /// Every address to open, with its token. Those of other machines come first.
@@ -112,6 +157,13 @@ impl Drop for Site {
             let _ = thread.join();
         }
     }
+}
+
+/// A UDP port of this number, or a free one.
+fn udp(bind: IpAddr, port: u16) -> io::Result<UdpSocket> {
+    let socket = UdpSocket::bind((bind, port)).or_else(|_| UdpSocket::bind((bind, 0)))?;
+    socket.set_nonblocking(true)?;
+    Ok(socket)
 }
 
 /// Addresses at which a server is reached that is bound to this one: itself, or those of this machine.
@@ -202,7 +254,7 @@ fn guarded(mut router: Router, files: &[File], token: &str) -> Router {
         let kind = *kind;
         router = router.route(path, get(async move || ([(header::CONTENT_TYPE, kind)], body)));
     }
-    let token: Arc<str> = Arc::from(token);
+    let token: Arc<str> = token.into();
     router
         .fallback(async || (StatusCode::NOT_FOUND, "no such page\n"))
         .layer(middleware::from_fn_with_state(token, door::guard))

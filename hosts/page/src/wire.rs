@@ -1,21 +1,12 @@
-//! The messages of a page's WebSocket. All numbers are little-endian.
+//! The binary messages of a WebSocket, and the layout. [`control`](crate::control) has the messages in text.
+//! All numbers are little-endian.
 //!
-//! From the server, text:
-//! - `{"layout": ..., "hand": bool, "map": n}`: the graph, whether it has a pointer, and the number of its
-//!   map, 0 for none,
-//! - `{"hand": "yours" | "theirs" | "free"}`,
-//! - `{"refused": "why"}`: the answer to a request,
-//! - `{"echo": ms}`: the answer to the same.
-//!
-//! From the server, binary: a view. It is the length of its head in bytes (u32), the head in JSON, zeros up
-//! to a multiple of four, and the new samples of every scope (f32). The head is
+//! From the server, to a page: a view. It is the length of its head in bytes (u32), the head in JSON, zeros
+//! up to a multiple of four, and the new samples of every scope (f32). The head is
 //! `{"view": View without scopes, "scopes": [[first, count], ...]}`. `first` counts the samples of that scope
 //! since its layout, so that a page sees gaps.
 //!
-//! From the page, text: `{"set": {"node", "param", "value"}}`, `{"material": {"node", "name"}}`,
-//! `{"mute": bool}`, `{"strength": 0 to 1}`, `{"echo": ms}`, `"stop"`.
-//!
-//! From the page, binary (f64):
+//! To the server (f64):
 //! - `[0, count]`: the number of views it has got,
 //! - `[1, sent, (time, x, y, pressure, stroke) ...]`: the hand; browser times in ms, places in mm,
 //! - `[2]`: lets the hand go.
@@ -23,9 +14,9 @@
 use std::time::Duration;
 
 use asperity_live::view::{Layout, View};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
-/// Most bytes of a message from a page.
+/// Most bytes of a message to the server.
 pub const MESSAGE: usize = 16 * 1024;
 /// Most views on the way to a page: half a second.
 pub const AHEAD: u64 = 30;
@@ -37,25 +28,6 @@ const BATCH: usize = 256;
 const SCOPE: usize = 8192;
 /// Greatest distance from the middle of the surface in mm.
 pub(crate) const REACH_MM: f64 = 10_000.0;
-
-#[derive(Debug, PartialEq, Deserialize)]
-#[serde(rename_all = "snake_case", deny_unknown_fields)]
-pub(crate) enum Ask {
-    Set {
-        node: String,
-        param: String,
-        value: f64,
-    },
-    Material {
-        node: String,
-        name: String,
-    },
-    Mute(bool),
-    Strength(f32),
-    /// A time of the page's own; it measures how long an answer takes.
-    Echo(f64),
-    Stop,
-}
 
 /// One sample of the hand, as the page sends it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,11 +84,9 @@ fn whole(x: f64, most: f64) -> Option<f64> {
 pub(crate) fn layout(layout: &Layout, hand: bool, map: u64) -> String {
     #[derive(Serialize)]
     struct Message<'a> {
-        layout: &'a Layout,
-        hand: bool,
-        map: u64,
+        layout: (&'a Layout, bool, u64),
     }
-    serde_json::to_string(&Message { layout, hand, map }).unwrap_or_default()
+    serde_json::to_string(&Message { layout: (layout, hand, map) }).unwrap_or_default()
 }
 
 /// A view as a message. `seen` counts the samples of every scope so far, and is updated.

@@ -128,7 +128,7 @@ export class Controls {
 
   #set(node, param, value) {
     if (!this.#waiting.size) requestAnimationFrame(() => this.#send());
-    this.#waiting.set(`${node}\n${param}`, { set: { node, param, value } });
+    this.#waiting.set(`${node}\n${param}`, { set: [`${node}.${param}`, value] });
   }
 
   #send() {

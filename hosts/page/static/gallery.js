@@ -175,7 +175,7 @@ export class Gallery {
   #ask(name) {
     if (name === this.#chosen) return;
     this.#choose(name);
-    this.#link.ask({ material: { node: this.#node, name } });
+    this.#link.ask({ material: [name, this.#node] });
   }
 
   #favour(name) {

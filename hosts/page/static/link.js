@@ -48,7 +48,7 @@ export class Link {
     return true;
   }
 
-  /** Sends a request. */
+  /** Sends a command: `{ name: [arguments] }`. docs/control.md lists them. */
   ask(what) {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(what));
     else this.onRefused("There is no connection to the run.");
@@ -56,15 +56,15 @@ export class Link {
 
   #text(data) {
     const message = JSON.parse(data);
-    if (message.layout) this.onLayout(message.layout, message.hand, message.map);
-    else if (message.refused) this.onRefused(message.refused);
-    else if (message.hand) this.onHand(message.hand);
-    else if ("echo" in message) this.there_and_back = performance.now() - message.echo;
+    if (message.layout) this.onLayout(...message.layout);
+    else if (message.error) this.onRefused(`${message.error.slice(1).filter(Boolean).join(": ")}.`);
+    else if (message.hand) this.onHand(...message.hand);
+    else if (message.echo) this.there_and_back = performance.now() - message.echo[0];
   }
 
   #echo(socket) {
     if (socket.readyState !== WebSocket.OPEN) return;
-    socket.send(JSON.stringify({ echo: performance.now() }));
+    socket.send(JSON.stringify({ echo: [performance.now()] }));
     setTimeout(() => this.#echo(socket), ECHO_MS);
   }
 

@@ -106,7 +106,7 @@ function showMute(now) {
 }
 
 function mute() {
-  link.ask({ mute: !muted });
+  link.ask({ mute: [!muted] });
 }
 
 /** A unit in typography; a plain number has none. */
@@ -145,7 +145,7 @@ link.onView = (next, places, samples) => {
   if (away && layout) {
     away = false;
     setting.found(anew);
-    if (anew && muted && !next.muted) link.ask({ mute: true });
+    if (anew && muted && !next.muted) link.ask({ mute: [true] });
   }
   view = next;
   fresh = true;
@@ -256,7 +256,7 @@ by("mute").addEventListener("keyup", (event) => {
 let sure = 0;
 by("stop").addEventListener("click", (event) => {
   const button = event.currentTarget;
-  if (performance.now() < sure) link.ask("stop");
+  if (performance.now() < sure) link.ask({ stop: [] });
   sure = performance.now() + 3000;
   button.textContent = "Stop the run?";
   setTimeout(() => {

@@ -108,11 +108,11 @@ export class Setting {
     const now = current(this.#layout);
     const asks = [];
     for (const [node, name] of Object.entries(materials)) {
-      if (node in now.materials && now.materials[node] !== name) asks.push({ material: { node, name } });
+      if (node in now.materials && now.materials[node] !== name) asks.push({ material: [name, node] });
     }
     for (const [id, value] of Object.entries(params)) {
       const [node, param] = id.split("\n");
-      if (id in now.params && now.params[id] !== value) asks.push({ set: { node, param, value } });
+      if (id in now.params && now.params[id] !== value) asks.push({ set: [`${node}.${param}`, value] });
     }
     for (const ask of asks) this.#link.ask(ask);
     this.#until = asks.length ? performance.now() + 3000 : 0;
@@ -145,7 +145,7 @@ export class Setting {
       const strength = this.#here.strength * this.#lowered(this.#at);
       if (Math.abs(strength - this.#asked.strength) < 5e-3) return;
       this.#asked = { strength, at: performance.now() };
-      this.#link.ask({ strength });
+      this.#link.ask({ gain: [strength] });
     });
   }
 

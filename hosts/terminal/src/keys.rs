@@ -10,7 +10,7 @@ use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
 use std::time::Duration;
 
 use asperity_live::RunControl;
-use asperity_live::view::{LiveLayout, Request};
+use asperity_live::view::{By, LiveLayout, Request};
 use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 
 use crate::board::{Board, Tab};
@@ -21,6 +21,9 @@ pub(crate) const KEYS: usize = 64;
 const WAIT: Duration = Duration::from_millis(50);
 /// Longest wait for a key that [`wait`] has seen.
 const SEEN: Duration = if cfg!(unix) { Duration::ZERO } else { WAIT };
+
+/// Who asks for changes, as reports name it.
+pub(crate) const TERMINAL: &str = "terminal";
 
 /// Keys read by a thread of its own; the thread ends after a drop.
 pub(crate) struct Keyboard {
@@ -117,10 +120,14 @@ pub(crate) fn at_once(key: &KeyEvent, run_control: &RunControl) -> bool {
         return false;
     }
     match (key.modifiers.contains(KeyModifiers::CONTROL), key.code) {
-        (true, KeyCode::Char('c' | 'C')) | (false, KeyCode::Char('q' | 'Q')) => run_control.stop(),
+        (true, KeyCode::Char('c' | 'C')) | (false, KeyCode::Char('q' | 'Q')) => {
+            let _ = run_control.ask(Request::Stop, &By::name(TERMINAL));
+        }
         // A repeated key would flicker.
         (false, KeyCode::Char(' ' | 'm')) if key.kind == KeyEventKind::Repeat => {}
-        (false, KeyCode::Char(' ' | 'm')) => run_control.toggle_mute(),
+        (false, KeyCode::Char(' ' | 'm')) => {
+            let _ = run_control.ask(Request::Mute(!run_control.muted()), &By::name(TERMINAL));
+        }
         _ => return false,
     }
     true

@@ -19,11 +19,11 @@ use std::sync::mpsc::TryRecvError;
 use std::time::Instant;
 
 use asperity_live::RunControl;
-use asperity_live::view::{Layout, View};
+use asperity_live::view::{By, Layout, View};
 use ratatui::crossterm::event::Event;
 
 use board::Board;
-use keys::{KEYS, Keyboard};
+use keys::{KEYS, Keyboard, TERMINAL};
 use screen::Screen;
 
 /// A terminal that shows a running graph. It is restored on drop, and when a panic ends the program.
@@ -74,7 +74,7 @@ impl Terminal {
             }
         }
         for request in std::mem::take(&mut self.board.requests) {
-            if let Err(unheard) = self.run_control.ask(request) {
+            if let Err(unheard) = self.run_control.ask(request, &By::name(TERMINAL)) {
                 self.note(&unheard.to_string());
             }
         }

@@ -28,9 +28,12 @@ impl Node for Trajectory {
             .doc("recorded normal force; needs the column force_n")
             .output(control_out("speed", 1, MM_S))
             .doc("recorded speed; needs the column speed_mm_s")
+            .output(control_out("stroke", 1, ONE))
+            .doc("number of the stroke, from the column stroke; 0 without it")
             .param(file("file").optional().doc(
                 "CSV file with the stroke; left out, a shipped zigzag. Columns: t_s, x_mm, y_mm, z_mm, and \
-                 force_n and speed_mm_s if recorded. Rows may be irregular in time. Without z_mm, force_n \
+                 force_n, speed_mm_s and stroke if recorded. Rows may be irregular in time. Where the \
+                 number of the stroke changes, a jump is no motion. Without z_mm, force_n \
                  presses into a floor of 0.5 N/mm. Without x_mm and y_mm, speed_mm_s is the speed of a \
                  straight line along x.",
             ))
@@ -95,6 +98,7 @@ impl Processor for Trajectory {
         tick.outputs.control(0).copy_from_slice(&sample.position);
         tick.outputs.set(1, sample.force.unwrap_or(0.0));
         tick.outputs.set(2, sample.speed.unwrap_or(0.0));
+        tick.outputs.set(3, sample.stroke.unwrap_or(0.0));
         Status::Continue
     }
 

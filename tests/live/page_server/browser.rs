@@ -37,7 +37,7 @@ impl Stage {
             let began = Instant::now();
             for n in 0u32.. {
                 (run.muted, run.strength) = (held.muted(), held.strength());
-                for request in held.asked() {
+                for (request, _) in held.asked() {
                     run.asked(&request);
                     feed.publish_layout(run.layout.clone());
                     let _ = tell.try_send(request);

@@ -32,6 +32,7 @@ impl Run {
                 live.expect("requests are checked before").value = *value;
             }
             Request::Material { name, .. } => self.layout.materials[0].chosen = name.clone(),
+            other => panic!("{other:?} is carried out at once"),
         }
     }
 

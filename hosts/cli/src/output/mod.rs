@@ -11,6 +11,8 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 use asperity_accuracy::npy;
 use asperity_diagnostics::Diagnostic;
+use asperity_graph::GraphFile;
+use asperity_offline::probe;
 use tempfile::{NamedTempFile, TempPath};
 
 use crate::failure::{self, Failure, clean, warn, without_path, wrong};
@@ -29,6 +31,51 @@ pub enum Format {
     I24,
     /// 16-bit integer
     I16,
+}
+
+/// Files that a run or a render writes.
+#[derive(Clone, Debug, clap::Args)]
+pub struct OutputArgs {
+    /// Output file with a channel for each `audio_out`: .wav or .npy. In a render, - writes WAV to the
+    /// standard output
+    #[arg(long, value_name = "OUT.wav")]
+    pub out: Option<PathBuf>,
+    /// Sample format of the WAV file
+    #[arg(long, value_enum, default_value = "f32")]
+    pub format: Format,
+    /// Record an output of a node to a file. May be repeated
+    #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy|.npz")]
+    pub probe: Vec<String>,
+    /// Report file: times, levels and faults of the run, as JSON; - writes to the standard output
+    #[arg(long, value_name = "R.json")]
+    pub report: Option<PathBuf>,
+}
+
+impl OutputArgs {
+    /// Adds the nodes that `--probe` asks for. Answers their ids.
+    pub fn add_probes(&self, graph: &mut GraphFile) -> Result<Vec<String>, Failure> {
+        let add = |text: &String| {
+            let (port, file) = split_probe(text)?;
+            Ok(probe::add(graph, port, &[("file", file)], PROBE)?)
+        };
+        self.probe.iter().map(add).collect()
+    }
+}
+
+/// The option, as it stands for a file in errors.
+pub const PROBE: &str = "--probe";
+
+/// Splits `NODE.PORT=FILE` of a probe.
+fn split_probe(text: &str) -> Result<(&str, &str), Diagnostic> {
+    let fail = |m: String, help: String| Err(Diagnostic::new(m).in_file(PROBE).help(help));
+    let form = || "NODE.PORT=FILE.csv, .npy or .npz".to_owned();
+    let Some((port, file)) = text.split_once('=') else {
+        return fail(format!("there is no `=` in `{text}`"), form());
+    };
+    if file.trim().is_empty() {
+        return fail(format!("there is no file after the `=` in `{text}`"), form());
+    }
+    Ok((port, file))
 }
 
 /// Ending of the temporary name of an incomplete file.
@@ -358,6 +405,20 @@ impl Rows {
             writeln!(file, "t_s,{}", header.join(","))?;
             Ok(To::Csv(file))
         })
+    }
+
+    /// Appends a row to a CSV file, exactly.
+    pub fn line(&mut self, time: f64, values: &[f64]) -> Result<(), Failure> {
+        let To::Csv(file) = &mut self.to else {
+            let what = format!("{} is no .csv file", self.pending.path.display());
+            return Err(Failure::Machine(what));
+        };
+        let mut write = || {
+            write!(file, "{time}")?;
+            values.iter().try_for_each(|x| write!(file, ",{x}"))?;
+            writeln!(file)
+        };
+        write().map_err(|e| Failure::writing(&self.pending.path, e))
     }
 
     /// Appends rows; `time` answers the time of each \[s\].

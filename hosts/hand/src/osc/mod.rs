@@ -32,6 +32,8 @@ use crate::{HandDevice, Handle, Open, error};
 use arguments::{Arguments, Reading};
 use plausible::Plausible;
 
+pub use packet::walk;
+
 /// Longest wait for a packet before the thread looks for a stop.
 const WAIT: Duration = Duration::from_millis(50);
 /// After a longer pause, another sender begins a new stroke [ns].

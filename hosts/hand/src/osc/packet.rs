@@ -22,9 +22,11 @@ const ARGUMENTS: usize = 256;
 const IMMEDIATELY: u64 = 1;
 
 /// Calls `each` with every message of a datagram in order, and the time tag of its innermost bundle (NTP:
-/// 32 bits of seconds, 32 of their fraction), unless that is "immediately". Error: the fault in the
-/// datagram, for a person; messages before it were passed on.
-pub(super) fn walk(packet: &[u8], each: &mut impl FnMut(OscMessage, Option<u64>)) -> Result<(), String> {
+/// 32 bits of seconds, 32 of their fraction), unless that is "immediately".
+///
+/// # Errors
+/// The fault in the datagram, for a person; messages before it were passed on.
+pub fn walk(packet: &[u8], each: &mut impl FnMut(OscMessage, Option<u64>)) -> Result<(), String> {
     bundle_or_message(packet, None, 0, each)
 }
 

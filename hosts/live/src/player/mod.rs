@@ -2,11 +2,14 @@
 
 mod mic;
 mod node_meters;
+mod stylus;
 mod tape;
 mod wiring;
 
 pub use mic::{Listener, MicReader, MicWriter, mic};
 pub(crate) use node_meters::NodeMeters;
+pub(crate) use stylus::Stylus;
+pub use stylus::{StylusReader, StylusRow};
 pub use tape::TapeReader;
 pub(crate) use tape::{TapeWriter, hand_tape, tape};
 pub use wiring::HandInput;
@@ -24,6 +27,8 @@ use crate::driver::{Rates, Ticker};
 use crate::now_ns;
 use crate::output_limits::Seen;
 use crate::run_control::RunControl;
+use stylus::StylusWriter;
+use tape::played_tape;
 
 opaque_debug!(Player);
 
@@ -78,6 +83,10 @@ pub struct Player {
     /// Replaced, and not yet returned to the control thread.
     over: Option<Box<Wiring>>,
     rates: Rates,
+    /// Recordings that were asked for: the samples for the device, with the order of their channels, and the
+    /// motion of the stylus.
+    played: Option<(TapeWriter, Vec<usize>)>,
+    stylus: Option<StylusWriter>,
 }
 
 impl Player {
@@ -94,13 +103,45 @@ impl Player {
         let channels = wiring.outs.len().max(1);
         let rates = Rates { tick_hz: schedule.tick_hz.max(1), rate_hz: schedule.audio_hz, channels };
         let (strength, run_control) = ([1.0; 2], RunControl::default());
-        Self { engine, wiring, mic, coils, strength, run_control, wirings, retired, over: None, rates }
+        let (over, played, stylus) = (None, None, None);
+        Self {
+            engine,
+            wiring,
+            mic,
+            coils,
+            strength,
+            run_control,
+            wirings,
+            retired,
+            over,
+            rates,
+            played,
+            stylus,
+        }
     }
 
     /// Takes the strength of the output from a run's control. Before the run.
     pub(crate) fn obey(&mut self, run_control: &RunControl) {
         self.run_control = run_control.clone();
+        run_control.ticks_at(self.rates.tick_hz);
         self.strength = [run_control.strength(); 2];
+    }
+
+    /// Records the samples of every tick for the device, before its fades. Channels are interleaved, in the
+    /// order in which a render has them. Before the run.
+    pub fn record_played(&mut self) -> TapeReader {
+        let mut order: Vec<usize> = (0..self.wiring.outs.len()).collect();
+        order.sort_by_key(|&channel| self.wiring.outs[channel]);
+        let (to, from) = played_tape(self.rates);
+        self.played = Some((to, order));
+        from
+    }
+
+    /// Records the motion of the stylus in every tick. Before the run.
+    pub fn record_stylus(&mut self) -> StylusReader {
+        let (to, from) = stylus::tape(self.rates.tick_hz);
+        self.stylus = Some(to);
+        from
     }
 
     /// The engine, for reports after the run.
@@ -192,6 +233,13 @@ impl Player {
             return;
         }
         self.samples(out);
+        let tick = self.engine.next_tick().saturating_sub(1);
+        if let Some((tape, order)) = &mut self.played {
+            tape.note_frames(self.rates.first_sample(tick), out, order);
+        }
+        if let (Some(tape), Some(stylus)) = (&mut self.stylus, &self.wiring.stylus) {
+            tape.take(&self.engine, stylus);
+        }
         self.push_back();
         for scope in &mut self.wiring.scopes {
             scope.take(&self.engine, self.strength);
@@ -251,6 +299,7 @@ impl Ticker for Player {
             self.rewire();
         }
         self.hand_on(out);
+        self.run_control.comes_to(self.engine.next_tick());
     }
 
     fn skip(&mut self, n: u64) {
@@ -260,6 +309,7 @@ impl Ticker for Player {
             mic.skip((first(next + n) - first(next)) as usize);
         }
         self.engine.skip(n);
+        self.run_control.comes_to(self.engine.next_tick());
     }
 }
 

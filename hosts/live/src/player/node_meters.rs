@@ -8,6 +8,7 @@ use asperity_graph::{Schedule, ScheduledNode, ScheduledOutput};
 use asperity_node::{Buffer, Fault, Role, Shape};
 use parking_lot::Mutex;
 
+use super::Stylus;
 use crate::meters::add;
 use crate::view::NodeView;
 
@@ -20,7 +21,7 @@ pub(crate) struct NodeMeters {
     nodes: Vec<Arc<Meter>>,
     /// Faults of all nodes, those of earlier graphs too.
     faults: AtomicU64,
-    /// Output with the place of the stylus over a scene, and that place as the bits of f32.
+    /// Output with the place of the stylus, and that place as the bits of f32.
     stylus: Option<(usize, usize)>,
     place: [AtomicU32; 3],
     /// The call in progress, as [`enter`](Self::enter) encodes it; 0 for none.
@@ -60,7 +61,10 @@ impl NodeMeters {
         };
         let position = |node: &ScheduledNode| node.inputs.iter().find(|i| i.name == "position")?.from;
         Self {
-            stylus: schedule.with_role(Role::Contact).find_map(|(_, node)| position(node)),
+            stylus: schedule
+                .with_role(Role::Contact)
+                .find_map(|(_, node)| position(node))
+                .or_else(|| Stylus::of(schedule).map(|stylus| stylus.place())),
             place: Default::default(),
             nodes: schedule.nodes.iter().map(meter).collect(),
             faults: AtomicU64::new(before.map_or(0, |(_, meters)| meters.faults())),
@@ -90,7 +94,7 @@ impl NodeMeters {
         self.faults.load(Relaxed)
     }
 
-    /// Place of the stylus over a scene.
+    /// Place of the stylus.
     pub(crate) fn stylus_mm(&self) -> Option<[f32; 3]> {
         self.stylus.map(|_| [0, 1, 2].map(|k| f32::from_bits(self.place[k].load(Relaxed))))
     }

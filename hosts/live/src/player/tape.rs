@@ -10,6 +10,7 @@ use ringbuf::traits::{Consumer, Observer, Producer, Split};
 use ringbuf::{HeapCons, HeapProd, HeapRb};
 
 use super::HandInput;
+use crate::driver::Rates;
 
 opaque_debug!(TapeReader);
 
@@ -54,6 +55,13 @@ pub(crate) fn hand_tape(node: usize, tick_hz: u32) -> (TapeWriter, TapeReader) {
     of_size(node, true, Shape::Control { count }, count, ticks)
 }
 
+/// Tape for the samples of all channels.
+pub(super) fn played_tape(rates: Rates) -> (TapeWriter, TapeReader) {
+    let each = time::max_samples(rates.rate_hz, rates.tick_hz) * rates.channels;
+    let ticks = (f64::from(rates.tick_hz) * ROOM_S) as usize;
+    of_size(usize::MAX, false, Shape::Audio { rate_hz: rates.rate_hz }, each, ticks)
+}
+
 fn of_size(node: usize, input: bool, shape: Shape, each: usize, ticks: usize) -> (TapeWriter, TapeReader) {
     let (values, values_in) = HeapRb::new(each * ticks).split();
     let (heads, heads_in) = HeapRb::new(ticks).split();
@@ -88,6 +96,12 @@ impl TapeWriter {
     /// Takes down the inputs of a hand's node. Tick thread.
     pub(super) fn note(&mut self, tick: u64, input: &HandInput) {
         self.push(tick, HandInput::COUNT, input.values().into_iter());
+    }
+
+    /// Takes down interleaved samples from `start` on, with their channels in this order. Tick thread.
+    pub(super) fn note_frames(&mut self, start: u64, samples: &[f32], order: &[usize]) {
+        let frames = samples.chunks_exact(order.len().max(1));
+        self.push(start, samples.len(), frames.flat_map(|frame| order.iter().map(|&channel| frame[channel])));
     }
 
     /// Records a tick whole, or counts it as lost.

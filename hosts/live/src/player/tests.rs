@@ -68,6 +68,7 @@ fn wiring(
         forces: vec![(at("wall"), 3.0, Arc::new(parking_lot::Mutex::new(writer)))],
         scopes: vec![Scope { node: at("it"), output: 1, attenuated: false, to }],
         tapes: Vec::new(),
+        stylus: None,
         meters: Arc::new(NodeMeters::new(&compiled.schedule, None)),
         spent: vec![0; compiled.schedule.nodes.len()],
     };

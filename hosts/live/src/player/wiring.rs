@@ -10,7 +10,7 @@ use parking_lot::Mutex;
 use ringbuf::HeapProd;
 use ringbuf::traits::Producer;
 
-use super::{NodeMeters, TapeWriter};
+use super::{NodeMeters, Stylus, TapeWriter};
 use crate::ForceWriter;
 use crate::timeline::Timeline;
 
@@ -31,6 +31,8 @@ pub(crate) struct Wiring {
     pub(crate) forces: Vec<(usize, f64, Arc<Mutex<ForceWriter>>)>,
     pub(crate) scopes: Vec<Scope>,
     pub(crate) tapes: Vec<TapeWriter>,
+    /// The stylus, whose motion a recording takes.
+    pub(crate) stylus: Option<Stylus>,
     pub(crate) meters: Arc<NodeMeters>,
     /// Buffer for the times of a tick.
     pub(crate) spent: Vec<u64>,

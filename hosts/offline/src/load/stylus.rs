@@ -20,7 +20,7 @@ pub fn hand_name(kind: &str) -> &str {
 /// A graph without exactly one node that moves the stylus, or whose node does not fit.
 pub fn play(graph: &mut GraphFile, registry: &Registry, file: Option<&Path>) -> Result<(), Failure> {
     let i = only(graph, registry, "--input", "name the one you mean: --set NODE.file=TRAJ.csv")?;
-    replace(graph, registry, i, "trajectory");
+    replace(graph, registry, i, "trajectory", "--input");
     // They belong to the stroke before.
     graph.nodes[i].params.retain(|setting| !matches!(setting.name.as_str(), "map" | "loop" | "file"));
     if let Some(file) = file {
@@ -73,7 +73,7 @@ pub fn take_in_hand(graph: &mut GraphFile, registry: &Registry, text: &str) -> R
         return Err(wrong("--hand", format!("there is no hand `{name}`"), one_of(name, names)));
     };
     let i = only(graph, registry, "--hand", "edit the graph: make the node you mean of that kind")?;
-    replace(graph, registry, i, kind);
+    replace(graph, registry, i, kind, "--hand");
     let id = graph.nodes[i].id.clone();
     let mut before = "PARAM";
     for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {
@@ -105,8 +105,9 @@ fn only(graph: &GraphFile, registry: &Registry, option: &str, help: &str) -> Res
     Err(wrong(graph.source.path(), message, help))
 }
 
-/// Gives the node that moves the stylus another kind, without the parameters of its old kind.
-fn replace(graph: &mut GraphFile, registry: &Registry, i: usize, kind: &str) {
+/// Gives the node that moves the stylus another kind, without the parameters of its old kind. `option` asked
+/// for it.
+fn replace(graph: &mut GraphFile, registry: &Registry, i: usize, kind: &str, option: &str) {
     let (id, before) = (graph.nodes[i].id.clone(), graph.nodes[i].kind.clone());
     if before == kind {
         return;
@@ -117,11 +118,12 @@ fn replace(graph: &mut GraphFile, registry: &Registry, i: usize, kind: &str) {
     for wire in graph.wires.iter_mut().filter(|w| w.from.node == id) {
         wire.from.port.get_or_insert_with(|| "position".to_owned());
     }
-    if registry.role(kind) != Some(Role::Hand) {
+    let outputs = registry.get(kind).map(|kind| &kind.descriptor().outputs);
+    if !outputs.is_some_and(|all| all.iter().any(|output| output.name == "stroke")) {
         graph.wires.retain(|w| w.from.node != id || w.from.port.as_deref() != Some("stroke"));
         return;
     }
-    // A hand may be put down elsewhere: its port `stroke` tells the nodes below that this is no motion.
+    // A stylus may be put down elsewhere: its port `stroke` tells the nodes below that this is no motion.
     let positions = graph.wires.iter().filter(|w| w.from.node == id && wired(&w.from.port, "position"));
     let followers: Vec<(String, String)> = positions
         .filter_map(|w| {
@@ -133,7 +135,7 @@ fn replace(graph: &mut GraphFile, registry: &Registry, i: usize, kind: &str) {
         .collect();
     for (follower, first) in followers {
         if !graph.wires.iter().any(|w| w.to.node == follower && wired(&w.to.port, "stroke")) {
-            graph.add_wire(&format!("{id}.stroke"), &format!("{follower}.stroke"), "--hand");
+            graph.add_wire(&format!("{id}.stroke"), &format!("{follower}.stroke"), option);
         }
         // With a second input, the first needs its name.
         for wire in graph.wires.iter_mut().filter(|w| w.from.node == id && w.to.node == follower) {
@@ -177,7 +179,7 @@ mod tests {
         assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f", "s.stroke -> v.stroke"]);
         play(&mut it, &built_in(), Some(Path::new("a.csv"))).expect("it fits");
         assert_eq!(it.nodes[0].kind, "trajectory");
-        assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f"]);
+        assert_eq!(wires(&it), ["s.position -> v.position", "s.position -> f", "s.stroke -> v.stroke"]);
         assert_eq!(it.nodes[0].params.len(), 1);
     }
 

@@ -15,7 +15,6 @@ use asperity_engine::{Engine, Options};
 use asperity_graph::{Compiled, Schedule};
 use asperity_live::OutputLimits;
 use asperity_node::{Role, Shape, time};
-use asperity_offline::probe;
 use asperity_offline::render::{Level, Run, channels};
 use indicatif::ProgressBar;
 use serde_json::{Value, json};
@@ -27,7 +26,7 @@ use crate::leave::{INTERRUPTED, stop_flag};
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
 use crate::number;
-use crate::output::{Format, Pending, Rows, audio_ending, ending, keep_all, named};
+use crate::output::{Format, OutputArgs, Pending, Rows, audio_ending, ending, keep_all, named};
 use plot::Traces;
 use recorder::{Master, Recorder};
 use watch::{Extras, Watch};
@@ -44,21 +43,11 @@ pub use asperity_offline::render::Timed;
 pub struct Args {
     #[command(flatten)]
     pub graph: GraphArgs,
-    /// Output file with a channel for each `audio_out`: .wav or .npy; - writes WAV to the standard output
-    #[arg(long, value_name = "OUT.wav")]
-    pub out: Option<PathBuf>,
-    /// Sample format of the WAV file
-    #[arg(long, value_enum, default_value = "f32")]
-    pub format: Format,
+    #[command(flatten)]
+    pub files: OutputArgs,
     /// Duration to render; by default the duration of the stroke
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub seconds: Option<f64>,
-    /// Report file: times, levels and faults of the run, as JSON; - writes to the standard output
-    #[arg(long, value_name = "R.json")]
-    pub report: Option<PathBuf>,
-    /// Record an output of a node to a file
-    #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy|.npz")]
-    pub probe: Vec<String>,
     /// Picture file: position, speed, force, acceleration, current and a spectrogram
     #[arg(long, value_name = "P.svg")]
     pub plot: Option<PathBuf>,
@@ -81,12 +70,12 @@ impl Args {
     fn options(&self) -> Value {
         json!({
             "seconds": self.seconds,
-            "probes": self.probe,
+            "probes": self.files.probe,
             "no_sleep": self.no_sleep,
             "limit_us": self.limit_us,
             "watch": self.watch,
             "no_prune": self.graph.no_prune,
-            "format": format!("{:?}", self.format).to_lowercase(),
+            "format": format!("{:?}", self.files.format).to_lowercase(),
         })
     }
 }
@@ -107,14 +96,17 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     })?;
     load::warn_about(schedule);
 
-    let written =
-        [("--out", args.out.as_ref()), ("--plot", args.plot.as_ref()), ("--report", args.report.as_ref())];
+    let written = [
+        ("--out", args.files.out.as_ref()),
+        ("--plot", args.plot.as_ref()),
+        ("--report", args.files.report.as_ref()),
+    ];
     distinct_files(&args.graph, schedule, kinds.files(), named(&written))?;
     check_lengths(args, schedule, ticks)?;
     let mut capture = Capture::new(args, &compiled, scene)?;
     // Opened before the work, so that a missing folder is an error at once.
     let plot_file = args.plot.as_deref().map(Pending::create).transpose()?;
-    let report_file = args.report.as_deref().map(Pending::create).transpose()?;
+    let report_file = args.files.report.as_deref().map(Pending::create).transpose()?;
     // In real time, a node that takes many ticks for one would stop the sound.
     let patience = WATCH_LIMIT_TICKS * 1_000_000_000 / u64::from(schedule.tick_hz);
     let limit_ns = args.limit_us.map(|us| us * 1000).or(args.watch.then_some(patience));
@@ -152,7 +144,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let mut files: Vec<Pending> =
         master.into_iter().chain(recorders.into_iter().map(Recorder::finish)).collect::<Result<_, _>>()?;
     let facts = (0..engine.schedule().nodes.len()).map(|i| engine.facts(i)).collect();
-    let told = !args.quiet || args.report.is_some();
+    let told = !args.quiet || args.files.report.is_some();
     let lag = match told && done == ticks && !args.watch && engine.faults() == 0 {
         true => Lag::of(&graph, &registry, engine.schedule()),
         false => Lag::new(Err("see `asperity latency`".into()), engine.schedule()),
@@ -186,24 +178,8 @@ pub fn run(args: &Args) -> Result<(), Failure> {
 
 fn load_with_probes(args: &Args, kinds: &mut Kinds) -> Result<Loaded, Failure> {
     let (mut graph, scene) = load::read(&args.graph, kinds)?;
-    for text in &args.probe {
-        let (port, file) = split_probe(text)?;
-        probe::add(&mut graph, port, &[("file", file)], "--probe")?;
-    }
+    args.files.add_probes(&mut graph)?;
     load::compile(&args.graph, kinds, graph, scene)
-}
-
-/// Splits `NODE.PORT=FILE` of a probe.
-fn split_probe(text: &str) -> Result<(&str, &str), Diagnostic> {
-    let fail = |m: String, help: String| Err(Diagnostic::new(m).in_file("--probe").help(help));
-    let form = || "NODE.PORT=FILE.csv, .npy or .npz".to_owned();
-    let Some((port, file)) = text.split_once('=') else {
-        return fail(format!("there is no `=` in `{text}`"), form());
-    };
-    if file.trim().is_empty() {
-        return fail(format!("there is no file after the `=` in `{text}`"), form());
-    }
-    Ok((port, file))
 }
 
 /// Refuses a graph that needs input from a device while it runs.
@@ -219,9 +195,9 @@ fn nothing_live(args: &Args, schedule: &Schedule) -> Result<(), Failure> {
 
 fn check_lengths(args: &Args, schedule: &Schedule, ticks: u64) -> Result<(), Failure> {
     let samples = |rate_hz: u32| time::first_sample(ticks, rate_hz, schedule.tick_hz);
-    if let Some(path) = args.out.as_ref().filter(|p| audio_ending(p) == "wav") {
+    if let Some(path) = args.files.out.as_ref().filter(|p| audio_ending(p) == "wav") {
         let channels = channels(schedule).len() as u64;
-        Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.format)?;
+        Rows::check_wav_length(path, samples(schedule.audio_hz) * channels, args.files.format)?;
     }
     for (_, node) in schedule.with_role(Role::Recorder) {
         if let (Some(path), Shape::Audio { rate_hz }) = (recorder::file_of(node), node.outputs[0].port.shape)
@@ -257,7 +233,12 @@ impl Capture {
         let schedule = &compiled.schedule;
         Ok(Self {
             recorders: Recorder::for_sinks(schedule)?,
-            master: args.out.as_ref().map(|path| Master::new(path, schedule, args.format)).transpose()?,
+            master: args
+                .files
+                .out
+                .as_ref()
+                .map(|path| Master::new(path, schedule, args.files.format))
+                .transpose()?,
             traces: args.plot.as_ref().map(|_| Traces::new(schedule, scene)),
             level: Level::new(schedule),
             sent: None,

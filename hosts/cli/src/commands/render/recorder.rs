@@ -5,17 +5,19 @@ use std::path::{Path, PathBuf};
 use asperity_diagnostics::Diagnostic;
 use asperity_engine::Engine;
 use asperity_graph::{Schedule, ScheduledNode};
-use asperity_live::OutputLimits;
+use asperity_live::{OutputLimits, StylusRow};
 use asperity_node::{ParamValue, Role, Shape};
 use asperity_offline::probe::Probe;
 use asperity_offline::render::{channels, interleaved};
 
 use crate::failure::{Failure, wrong};
-use crate::output::{self, Format, Pending, Rows, audio_ending, ending, salvage};
+use crate::output::{self, Format, PROBE, Pending, Rows, audio_ending, ending, salvage};
 
 pub struct Recorder {
     rows: Rows,
     probe: Probe,
+    /// Signals of that probe side by side: channels of a sound card.
+    channels: usize,
     /// Number of the next row; `None` before the first one of a sink that begins late.
     next: Option<u64>,
     /// Rows of ticks that were left out.
@@ -55,10 +57,15 @@ pub fn file_of(node: &ScheduledNode) -> Option<&Path> {
 fn permit(node: &ScheduledNode, file: &Path) -> Result<(), Diagnostic> {
     match node.params.place("file") {
         // The user named it.
-        Some(place) if place.source.path().to_string_lossy().starts_with("--set ") => Ok(()),
+        Some(place) if is_named(place.source.path()) => Ok(()),
         place => output::permit(file, &node.id)
             .map_err(|d| place.into_iter().fold(d, |d, place| d.at(&place.source, place.span))),
     }
+}
+
+/// Whether a place is an option of the command line.
+fn is_named(place: &Path) -> bool {
+    place == Path::new(PROBE) || place.to_string_lossy().starts_with("--set ")
 }
 
 /// The files that sinks write, each with the node's id.
@@ -93,8 +100,33 @@ impl Recorder {
         Self { next: None, ..self }
     }
 
+    /// For the samples of all channels of a run: `--out`.
+    pub fn of_played(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
+        let channels = channels(schedule).len();
+        let rows = file_of_channels(path, Pending::recording, schedule, format)?;
+        let shape = Shape::Audio { rate_hz: schedule.audio_hz };
+        Ok(Self { channels, most: most_rows(path) / channels as u64, ..Self::of(rows, 0, shape) })
+    }
+
+    /// For the motion of the stylus: `--record`. `--input` reads the file back.
+    pub fn of_stylus(path: &Path) -> Result<Self, Failure> {
+        if ending(path) != "csv" {
+            return Err(unknown_format(path, "a .csv file").into());
+        }
+        let names = ["x_mm", "y_mm", "z_mm", "force_n", "stroke"].map(str::to_owned);
+        let rows = Rows::csv(Pending::recording(path)?, &names)?;
+        Ok(Self::of(rows, 0, Shape::Control { count: names.len() }))
+    }
+
+    fn of(rows: Rows, node: usize, shape: Shape) -> Self {
+        let most = most_rows(rows.path());
+        let (next, stopped, complaint) = (Some(0), false, None);
+        let probe = Probe { node, shape };
+        Self { rows, probe, channels: 1, next, missing: 0, rows_written: 0, most, stopped, complaint }
+    }
+
     fn new(path: &Path, open: Open, probe: Probe, unit: &str, tick_hz: u32) -> Result<Self, Failure> {
-        let shape = probe.shape;
+        let Probe { node, shape } = probe;
         let columns = probe.columns();
         let names: Vec<String> = match shape {
             Shape::Control { count: 1 } | Shape::Audio { .. } => vec![unit.to_owned()],
@@ -117,9 +149,7 @@ impl Recorder {
             ("wav", Shape::Audio { rate_hz }) => Rows::wav(open(path)?, 1, rate_hz, Format::F32)?,
             _ => return Err(unknown_format(path, "a .csv, .npy or .npz file; .wav for audio").into()),
         };
-        let most = if ending(path) == "wav" { MOST_WAV } else { u64::MAX };
-        let (next, stopped, complaint) = (Some(0), false, None);
-        Ok(Self { rows, probe, next, missing: 0, rows_written: 0, most, stopped, complaint })
+        Ok(Self::of(rows, node, shape))
     }
 
     pub fn take(&mut self, engine: &Engine, tick: u64) -> Result<(), Failure> {
@@ -129,7 +159,7 @@ impl Recorder {
 
     /// Writes values from `start` on: a tick for controls, a sample of the signal for audio and frames.
     pub fn append(&mut self, start: u64, values: &[f32], tick_hz: u32) -> Result<(), Failure> {
-        let (rate_hz, columns) = (self.probe.rate_hz(tick_hz), self.probe.columns());
+        let (rate_hz, columns) = (self.probe.rate_hz(tick_hz), self.probe.columns() * self.channels);
         let even = matches!(self.probe.shape, Shape::Control { .. } | Shape::Audio { .. });
         // A row of a CSV file has its time. In other files, rows that were left out are counted.
         if even && ending(self.rows.path()) != "csv" {
@@ -151,6 +181,17 @@ impl Recorder {
     pub fn append_while_possible(&mut self, start: u64, values: &[f32], tick_hz: u32) {
         if !self.stopped {
             let done = self.append(start, values, tick_hz);
+            self.stop_unless(done);
+        }
+    }
+
+    /// Writes a row of the stylus. An error ends only the recording of this file.
+    pub fn append_stylus(&mut self, row: &StylusRow, tick_hz: u32) {
+        if !self.stopped {
+            let [x, y, z] = row.position;
+            let time = row.tick as f64 / f64::from(tick_hz);
+            let done = self.rows.line(time, &[x, y, z, row.force, row.stroke]);
+            self.rows_written += 1;
             self.stop_unless(done);
         }
     }
@@ -219,20 +260,8 @@ pub struct Master {
 
 impl Master {
     pub fn new(path: &Path, schedule: &Schedule, format: Format) -> Result<Self, Failure> {
-        let nodes = channels(schedule);
-        if nodes.is_empty() {
-            return Err(wrong(
-                path,
-                "the graph has no `audio_out`, so there is nothing to write there",
-                "leave --out out, or add an `audio_out`",
-            ));
-        }
-        let rows = match audio_ending(path).as_str() {
-            "wav" => Rows::wav(Pending::create(path)?, nodes.len(), schedule.audio_hz, format)?,
-            "npy" => Rows::npy(Pending::create(path)?, (nodes.len() > 1).then_some(nodes.len()))?,
-            _ => return Err(unknown_format(path, "a .wav or .npy file").into()),
-        };
-        Ok(Self { rows, nodes })
+        let rows = file_of_channels(path, Pending::create, schedule, format)?;
+        Ok(Self { rows, nodes: channels(schedule) })
     }
 
     /// Records the tick that has just run, limited like the output.
@@ -248,6 +277,28 @@ impl Master {
     pub fn finish(self) -> Result<Pending, Failure> {
         self.rows.finish()
     }
+}
+
+/// A file in which every `audio_out` of a graph is a channel.
+fn file_of_channels(path: &Path, open: Open, schedule: &Schedule, format: Format) -> Result<Rows, Failure> {
+    let channels = channels(schedule).len();
+    if channels == 0 {
+        return Err(wrong(
+            path,
+            "the graph has no `audio_out`, so there is nothing to write there",
+            "leave --out out, or add an `audio_out`",
+        ));
+    }
+    match audio_ending(path).as_str() {
+        "wav" => Rows::wav(open(path)?, channels, schedule.audio_hz, format),
+        "npy" => Rows::npy(open(path)?, (channels > 1).then_some(channels)),
+        _ => Err(unknown_format(path, "a .wav or .npy file").into()),
+    }
+}
+
+/// Most rows of one sample that a file holds.
+fn most_rows(path: &Path) -> u64 {
+    if ending(path) == "wav" { MOST_WAV } else { u64::MAX }
 }
 
 fn unknown_format(path: &Path, wanted: &str) -> Diagnostic {

@@ -14,6 +14,7 @@ use std::sync::{Arc, Mutex};
 use asperity_diagnostics::Diagnostic;
 use asperity_graph::{GraphFile, Schedule};
 use asperity_live::GraphController;
+use asperity_live::view::{By, Request};
 use asperity_node::{ParamKind, Registry, Role};
 use asperity_page::Map;
 
@@ -47,8 +48,18 @@ pub struct Editor {
     moves: u64,
     /// Edits that wait.
     file: Option<FileEdit>,
-    choices: BTreeMap<String, String>,
+    choices: BTreeMap<String, (String, By)>,
     job: Option<Job>,
+}
+
+/// The end of an edit.
+pub enum News {
+    /// Files changed: a text for the user, and whether the graph was taken over.
+    Files(String, bool),
+    /// A choice was taken over.
+    Chosen(Request, By),
+    /// A choice cannot be taken over, and why.
+    Refused(Request, By, Failure),
 }
 
 struct Moved {
@@ -65,7 +76,7 @@ struct FileEdit {
 
 enum Edit {
     File(FileEdit),
-    Choice(String, String),
+    Choice(String, String, By),
 }
 
 struct Job {
@@ -154,7 +165,9 @@ impl Editor {
         let moved = self.moved.values().map(|moved| &moved.setting);
         let mut sets: Vec<String> = args.set.iter().chain(moved).filter(|set| !hand(set)).cloned().collect();
         sets.extend(self.chosen.iter().map(|(node, material)| format!("{node}.material={material:?}")));
-        for (i, (path, id)) in recorder::files(schedule).enumerate() {
+        let is_probe = |id: &String| self.base.as_ref().is_some_and(|base| base.probes.contains(id));
+        let sinks = recorder::files(schedule).filter(|(_, id)| !is_probe(id));
+        for (i, (path, id)) in sinks.enumerate() {
             let file = folder.join(format!("sink{i}.{}", ending(&path)));
             sets.push(format!("{id}.file={}", file.display()));
         }
@@ -167,7 +180,8 @@ impl Editor {
 
     pub fn make(&mut self) -> Result<Made, Failure> {
         let mut kinds = reloader::lock(&self.kinds);
-        let made = reloader::make(&self.args.graph, &mut kinds, None, &[], &BTreeMap::new())?;
+        let made =
+            reloader::make(&self.args.graph, &self.args.files, &mut kinds, None, &[], &BTreeMap::new())?;
         kinds.plays();
         self.plugins = kinds.files().to_vec();
         drop(kinds);
@@ -185,28 +199,29 @@ impl Editor {
     }
 
     /// Gives a texture node another material, as soon as its graph is ready.
-    pub fn choose(&mut self, node: String, material: String) {
+    pub fn choose(&mut self, node: String, material: String, by: By) {
         // Devices may take long to open, so a file edit is put off. A material is quick: one that is being
         // prepared is heard, and then the newest.
         if let Some(edit) = self.give_up() {
             self.file = self.file.take().or(Some(edit));
         }
-        self.choices.insert(node, material);
+        self.choices.insert(node, (material, by));
     }
 
-    /// Sets a live parameter, also in graphs that are prepared for another material.
+    /// Sets a live parameter, also in graphs that are prepared for another material. Answers its value as a
+    /// user knows it.
     pub fn set(
         &mut self,
         node: String,
         param: String,
         value: f64,
         graph_controller: &mut GraphController,
-    ) -> Result<(), Failure> {
+    ) -> Result<String, Failure> {
         graph_controller.set_parameter(&node, &param, value).map_err(|e| Failure::Machine(e.to_string()))?;
         let schedule = graph_controller.schedule();
         let live =
             schedule.index_of(&node).and_then(|i| schedule.nodes[i].live.iter().find(|l| l.name == param));
-        let Some(live) = live else { return Ok(()) };
+        let Some(live) = live else { return Ok(value.to_string()) };
         let text = match &live.kind {
             ParamKind::Flag => (value != 0.0).to_string(),
             ParamKind::Choice(words) => {
@@ -218,17 +233,17 @@ impl Editor {
         self.moves += 1;
         let setting = format!("{node}.{param}={text}");
         self.moved.insert((node, param), Moved { value, setting, at: self.moves });
-        Ok(())
+        Ok(text.trim_matches('"').to_owned())
     }
 
-    /// Takes over a graph that is ready, and begins the next edit. Answers a message for the user.
-    pub fn poll(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+    /// Takes over a graph that is ready, and begins the next edit. Answers the end of an edit.
+    pub fn poll(&mut self, playing: &mut Playing<'_>) -> Option<News> {
         self.look(playing.graph_controller.schedule());
-        let said = self.advance(playing);
+        let news = self.advance(playing);
         if self.job.is_none() {
             self.begin(playing);
         }
-        said
+        news
     }
 
     fn look(&mut self, schedule: &Schedule) {
@@ -267,7 +282,7 @@ impl Editor {
 
     /// Begins the next edit, a choice of material first.
     fn begin(&mut self, playing: &Playing<'_>) {
-        let choice = self.choices.pop_first().map(|(node, material)| Edit::Choice(node, material));
+        let choice = self.choices.pop_first().map(|(node, (name, by))| Edit::Choice(node, name, by));
         let Some(edit) = choice.or_else(|| self.file.take().map(Edit::File)) else { return };
         let mut order = self.order(playing);
         match &edit {
@@ -276,7 +291,7 @@ impl Editor {
                 order.moved.clear();
                 order.again = true;
             }
-            Edit::Choice(node, material) => {
+            Edit::Choice(node, material, _) => {
                 order.chosen.insert(node.clone(), material.clone());
             }
         }
@@ -296,13 +311,14 @@ impl Editor {
             held: playing.hands.holding(),
             again: false,
             begun: playing.recordings.begun(),
-            report: self.args.report.clone(),
+            files: self.args.files.clone(),
+            record: self.args.record.clone(),
             over: Arc::default(),
         }
     }
 
-    /// Continues the job under way with the other thread's message. Answers a message for the user.
-    fn advance(&mut self, playing: &mut Playing<'_>) -> Option<String> {
+    /// Continues the job under way with the other thread's message. Answers the end of the edit.
+    fn advance(&mut self, playing: &mut Playing<'_>) -> Option<News> {
         let mut job = self.job.take()?;
         if let Stage::Making(from) = &job.stage {
             let (plugins, result) = match from.try_recv() {
@@ -327,7 +343,7 @@ impl Editor {
             });
             match allowed {
                 Ok(ready) => job.stage = Stage::Ready(Box::new(ready)),
-                Err(failure) => return Some(self.refused(job.edit, &failure, playing)),
+                Err(failure) => return Some(self.refused(job.edit, failure, playing)),
             }
         }
         match job.stage {
@@ -353,13 +369,7 @@ impl Editor {
     }
 
     /// Sends a graph to the engine. Answers what that changes.
-    fn take_over(
-        &mut self,
-        edit: Edit,
-        since: u64,
-        ready: Ready,
-        playing: &mut Playing<'_>,
-    ) -> Option<String> {
+    fn take_over(&mut self, edit: Edit, since: u64, ready: Ready, playing: &mut Playing<'_>) -> Option<News> {
         let Ready { made, mut opened, recorders, refused } = ready;
         let changed = match &edit {
             Edit::File(edit) => readers(playing.graph_controller.schedule(), &edit.changed),
@@ -372,7 +382,7 @@ impl Editor {
             Ok(report) => report,
             Err(e) => {
                 close_elsewhere(move || drop(opened));
-                return Some(self.refused(edit, &Failure::Machine(e.to_string()), playing));
+                return Some(self.refused(edit, Failure::Machine(e.to_string()), playing));
             }
         };
         playing.hands.go_on_with(opened, playing.graph_controller.schedule());
@@ -382,7 +392,7 @@ impl Editor {
             let _ = playing.graph_controller.set_parameter(node, param, m.value);
         }
         if let Some(failure) = refused {
-            return Some(self.refused(edit, &failure, playing));
+            return Some(self.refused(edit, failure, playing));
         }
         self.base = Some(made.base);
         match edit {
@@ -392,27 +402,28 @@ impl Editor {
                 self.made_of = self.stamps(playing.graph_controller.schedule());
                 let report =
                     if report.is_nothing() { "nothing that is heard".into() } else { report.to_string() };
-                Some(format!("{} changed: {report}", listed(&edit.changed)))
+                Some(News::Files(format!("{} changed: {report}", listed(&edit.changed)), true))
             }
-            Edit::Choice(node, material) => {
-                self.chosen.insert(node, material);
-                None
+            Edit::Choice(node, name, by) => {
+                self.chosen.insert(node.clone(), name.clone());
+                Some(News::Chosen(Request::Material { node, name }, by))
             }
         }
     }
 
     /// Ends an edit that cannot be taken over. Answers why.
-    fn refused(&mut self, edit: Edit, failure: &Failure, playing: &Playing<'_>) -> String {
+    fn refused(&mut self, edit: Edit, failure: Failure, playing: &Playing<'_>) -> News {
         match edit {
             Edit::File(edit) => {
                 self.know(playing.graph_controller.schedule(), &edit.seen);
-                format!(
+                let text = format!(
                     "{} changed, and cannot be taken over:\n{}the running graph goes on",
                     listed(&edit.changed),
                     failure.text()
-                )
+                );
+                News::Files(text, false)
             }
-            Edit::Choice(..) => failure.reason(),
+            Edit::Choice(node, name, by) => News::Refused(Request::Material { node, name }, by, failure),
         }
     }
 

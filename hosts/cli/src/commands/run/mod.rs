@@ -13,8 +13,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use asperity_engine::Options;
-use asperity_live::view::{Condition, Layout, Request, View};
-use asperity_live::{DOES_NOT_COME_BACK, Session, mic, prepare_live};
+use asperity_live::view::{By, Condition, Layout, Request, View};
+use asperity_live::{DOES_NOT_COME_BACK, RunControl, Session, mic, prepare_live};
 use asperity_node::Fault;
 
 use crate::card::{self, DeviceArgs};
@@ -24,19 +24,21 @@ use crate::lag::Lag;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs};
 use crate::number;
-use crate::output::{Pending, named};
-use editor::{Editor, Playing};
+use crate::output::{OutputArgs, Pending};
+use editor::{Editor, News, Playing};
 use hands::Hands;
 use recordings::Recordings;
 use reloader::Made;
 use renders::Renders;
-use shows::{Shows, Speaker};
+use shows::{Outcome, Shows, Speaker};
 
 /// Play a graph in real time: a hand moves the stylus, the sound card drives the actuator
 #[derive(Clone, Debug, clap::Args)]
 #[command(mut_args = number::may_be_negative)]
+#[command(group = clap::ArgGroup::new("served").multiple(true))]
 #[command(after_help = crate::commands::examples(&[
     "asperity run graphs/live.ron --page --device simulated:frames=256",
+    "asperity run graphs/live.ron --control 9100 --record stroke.csv --out played.wav",
     "asperity run graphs/texture.ron --device \"USB Audio\" --channel 3",
 ]))]
 pub struct Args {
@@ -48,11 +50,16 @@ pub struct Args {
     #[arg(long, value_name = "S", value_parser = number::number(1e-3, 31_536_000.0, "s"))]
     pub seconds: Option<f64>,
     /// Serve the live page at this port, or at a free one
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0",
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", group = "served",
         value_parser = number::whole(0, u16::MAX, ""))]
     pub page: Option<u16>,
-    /// Serve the page at this address of the machine, so that a phone or tablet is the hand; 0.0.0.0 for all
-    #[arg(long, value_name = "ADDRESS", requires = "page")]
+    /// Let other programs control the run at this port, or at a free one: by WebSocket and OSC
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0", group = "served",
+        value_parser = number::whole(0, u16::MAX, ""))]
+    pub control: Option<u16>,
+    /// Serve page and control at this address of the machine, so that a phone or tablet is the hand; 0.0.0.0
+    /// for all
+    #[arg(long, value_name = "ADDRESS", requires = "served")]
     pub bind: Option<IpAddr>,
     /// Show the run in the terminal
     #[arg(long)]
@@ -60,9 +67,11 @@ pub struct Args {
     /// Reload the graph, its plugins and the files it reads when they change
     #[arg(long)]
     pub watch: bool,
-    /// Report file: times, levels and faults of the run, as JSON
-    #[arg(long, value_name = "R.json")]
-    pub report: Option<PathBuf>,
+    #[command(flatten)]
+    pub files: OutputArgs,
+    /// Record the motion of the stylus, as a stroke that --input plays
+    #[arg(long, value_name = "STROKE.csv")]
+    pub record: Option<PathBuf>,
     /// Run every node in every tick, even behind a closed gate
     #[arg(long)]
     pub no_sleep: bool,
@@ -95,11 +104,12 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let request = card::request(&args.device, schedule)?;
     let ticks = load::ticks(args.seconds, schedule)?;
     load::warn_about(schedule);
-    distinct_files(&args.graph, schedule, editor.plugins(), named(&[("--report", args.report.as_ref())]))?;
-    let report_file = args.report.as_deref().map(Pending::create).transpose()?;
-    let recordings = Recordings::start(schedule)?;
+    let written = reloader::written(&args.files, args.record.as_ref());
+    distinct_files(&args.graph, schedule, editor.plugins(), written)?;
+    let report_file = args.files.report.as_deref().map(Pending::create).transpose()?;
+    let mut recordings = Recordings::open(args, schedule)?;
     let (mut hands, queues) = Hands::of(schedule)?;
-    if args.page.is_none() {
+    if args.page.is_none() && args.control.is_none() {
         for node in hands::pointers(schedule) {
             warn(&format!("`{}` is moved on the live page: add --page", node.id));
         }
@@ -119,7 +129,10 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let options = Options { sleep: !args.no_sleep, limit_ns: Some(limit_ns), ..Options::default() };
     let (mic_writer, mic_reader) =
         (recorded > 0).then(|| mic(recorded, schedule.audio_hz, schedule.tick_hz)).unzip();
-    let (graph_controller, player) = prepare_live(compiled, &graph, options, queues, mic_reader, materials);
+    let (graph_controller, mut player) =
+        prepare_live(compiled, &graph, options, queues, mic_reader, materials);
+    recordings.listen(&mut player);
+    let run_control = session_options.run_control.clone();
     let session =
         Session::start(graph_controller, player, mic_writer, session_options).map_err(not_opened)?;
 
@@ -143,12 +156,13 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     last.close();
     let schedule = ended.graph_controller.schedule();
     // What failed in the run is not run again.
-    let sound = ended.player.is_some() && ended.view.faults == 0 && (!args.quiet || args.report.is_some());
+    let sound =
+        ended.player.is_some() && ended.view.faults == 0 && (!args.quiet || args.files.report.is_some());
     let lag = match played.filter(|_| sound) {
         Some((graph, registry)) => Lag::of(&graph, &registry, schedule),
         None => Lag::new(Err("see `asperity latency`".into()), schedule),
     };
-    let run = report::Run { args, ended: &ended, grants, lag };
+    let run = report::Run { args, ended: &ended, grants, changes: run_control.changes(0), lag };
     let reported = report_file
         .map_or(Ok(()), |file| file.fill(&run.json()).and_then(Pending::keep).map(|path| written.push(path)));
     if !args.quiet {
@@ -192,6 +206,7 @@ impl Stage {
     /// slow disk, and up to 1 s for the driver of a lost device.
     fn play(&mut self, shows: &mut Shows, ticks: Option<u64>) -> Result<(), Failure> {
         let (began, mut next) = (Instant::now(), Instant::now());
+        let run_control = self.session.run_control().clone();
         loop {
             for notice in self.session.poll().map_err(not_opened)? {
                 shows.say(&notice);
@@ -203,8 +218,16 @@ impl Stage {
             }
             let Self { session, editor, hands, recordings, renders, .. } = self;
             let graph_controller = session.graph_controller();
-            if let Some(said) = editor.poll(&mut Playing { graph_controller, hands, recordings }) {
-                shows.say(&said);
+            match editor.poll(&mut Playing { graph_controller, hands, recordings }) {
+                Some(News::Files(text, taken_over)) => {
+                    shows.say(&text);
+                    if taken_over {
+                        run_control.list(text, "--watch");
+                    }
+                }
+                Some(News::Chosen(request, by)) => done(&run_control, shows, &request, "", by),
+                Some(News::Refused(request, by, failure)) => refused(shows, request, by, &failure),
+                None => {}
             }
             for warning in hands.warnings(&graph_controller.schedule().clone(), graph_controller.layout()) {
                 shows.say(&format!("warning: {warning}"));
@@ -248,18 +271,41 @@ impl Stage {
         }
     }
 
-    /// Begins what the user asked for since the last time.
+    /// Begins the changes that were requested since the last time.
     fn serve(&mut self, shows: &mut Shows) {
-        for request in self.session.run_control().asked() {
-            match request {
+        let run_control = self.session.run_control().clone();
+        for (request, by) in run_control.asked() {
+            match &request {
                 Request::Set { node, param, value } => {
-                    if let Err(failure) = self.editor.set(node, param, value, self.session.graph_controller())
-                    {
-                        shows.say(&failure.reason());
+                    let graph_controller = self.session.graph_controller();
+                    match self.editor.set(node.clone(), param.clone(), *value, graph_controller) {
+                        Ok(value) => done(&run_control, shows, &request, &value, by),
+                        Err(failure) => refused(shows, request, by, &failure),
                     }
                 }
-                Request::Material { node, name } => self.editor.choose(node, name),
+                Request::Material { node, name } => self.editor.choose(node.clone(), name.clone(), by),
+                // These never wait.
+                Request::Mute(_) | Request::Strength(_) | Request::Marker(_) | Request::Stop => {}
             }
         }
     }
+}
+
+/// Lists a change that the engine was just sent, and answers who asked for it. `value`: that of a parameter.
+fn done(run_control: &RunControl, shows: &mut Shows, request: &Request, value: &str, by: By) {
+    let what = match request {
+        Request::Set { node, param, .. } => format!("set {node}.{param} {value}"),
+        Request::Material { node, name } => format!("set {node}.material {name}"),
+        // These are listed where they are carried out.
+        Request::Mute(_) | Request::Strength(_) | Request::Marker(_) | Request::Stop => return,
+    };
+    let change = run_control.list(what, &by.name);
+    shows.answer(by, Outcome::Done(change));
+}
+
+/// Says that a request was refused, and answers who made it.
+fn refused(shows: &mut Shows, request: Request, by: By, failure: &Failure) {
+    shows.say(&failure.reason());
+    let (why, help) = failure.parts();
+    shows.answer(by, Outcome::Refused(request, why, help));
 }

@@ -23,7 +23,7 @@ use crate::failure::Failure;
 use crate::kinds::Kinds;
 use crate::load::files::distinct_files;
 use crate::load::{self, GraphArgs, Loaded, OfScene};
-use crate::output::named;
+use crate::output::{Named, OutputArgs, named};
 
 /// A graph or scene as its file and the command line have it.
 #[derive(Clone)]
@@ -31,6 +31,8 @@ pub struct Base {
     pub graph: GraphFile,
     /// The scene from above, where it was one.
     pub map: Option<Arc<Map>>,
+    /// Ids of the nodes of `--probe`.
+    pub probes: Vec<String>,
 }
 
 pub struct Made {
@@ -56,7 +58,9 @@ pub struct Order {
     /// Whether devices that could not be opened are tried again.
     pub again: bool,
     pub begun: Vec<Sink>,
-    pub report: Option<PathBuf>,
+    /// Files that the command line names.
+    pub files: OutputArgs,
+    pub record: Option<PathBuf>,
     pub over: Arc<AtomicBool>,
 }
 
@@ -75,6 +79,7 @@ pub struct Ready {
 /// Compiles a graph with the changes of the user, from its file unless there is a `base`.
 pub fn make(
     args: &GraphArgs,
+    files: &OutputArgs,
     kinds: &mut Kinds,
     base: Option<Base>,
     moved: &[String],
@@ -83,8 +88,9 @@ pub fn make(
     let (mut base, scene) = match base {
         Some(base) => (base, None),
         None => {
-            let (graph, scene) = load::read(args, kinds)?;
-            (Base { graph, map: None }, scene)
+            let (mut graph, scene) = load::read(args, kinds)?;
+            let probes = files.add_probes(&mut graph)?;
+            (Base { graph, map: None, probes }, scene)
         }
     };
     let graph = changed(&base.graph, moved, chosen);
@@ -115,6 +121,12 @@ pub fn changed(base: &GraphFile, moved: &[String], chosen: &BTreeMap<String, Str
     graph
 }
 
+/// Files that the command line of a run names.
+pub fn written(files: &OutputArgs, record: Option<&PathBuf>) -> Vec<Named> {
+    let (report, out) = (files.report.as_ref(), files.out.as_ref());
+    named(&[("--report", report), ("--out", out), ("--record", record)])
+}
+
 /// Locks the kinds. A thread that panicked has left them usable.
 pub fn lock(kinds: &Mutex<Kinds>) -> MutexGuard<'_, Kinds> {
     kinds.lock().unwrap_or_else(PoisonError::into_inner)
@@ -142,14 +154,14 @@ impl Order {
         if let Err(unwanted) = self.wanted() {
             return (kinds.files().to_vec(), Err(unwanted));
         }
-        let made = make(&self.args, &mut kinds, self.base.clone(), &self.moved, &self.chosen);
+        let made = make(&self.args, &self.files, &mut kinds, self.base.clone(), &self.moved, &self.chosen);
         (kinds.files().to_vec(), made)
     }
 
     fn ready(&self, made: Made, plugins: &[PathBuf]) -> Result<Ready, Failure> {
         let next = &made.compiled.schedule;
         fits(&self.running, next)?;
-        let mut written = named(&[("--report", self.report.as_ref())]);
+        let mut written = written(&self.files, self.record.as_ref());
         written.extend(left_behind(next, &self.begun));
         distinct_files(&self.args, next, plugins, written)?;
         self.wanted()?;

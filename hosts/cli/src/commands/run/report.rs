@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use asperity_dsp::Isa;
 use asperity_live::Ended;
 use asperity_live::realtime::Grants;
-use asperity_live::view::TimingView;
+use asperity_live::view::{Change, TimingView};
 use serde_json::{Map, Value, json};
 
 use super::Args;
@@ -19,6 +19,8 @@ pub struct Run<'a> {
     pub args: &'a Args,
     pub ended: &'a Ended,
     pub grants: Option<Grants>,
+    /// Changes and markers, oldest first.
+    pub changes: Vec<Change>,
     pub lag: Lag,
 }
 
@@ -80,6 +82,7 @@ impl Run<'_> {
             "skipped_ticks": view.skipped_ticks,
             "recording_gaps": view.recording_gaps,
             "faults": view.faults,
+            "changes": self.changes,
             "latency": lag::json(&self.lag),
             "hand_to_actuator_ms": latency.collect::<Map<_, _>>(),
             "not_granted": self.grants.map(|g| g.refused()).unwrap_or_default(),

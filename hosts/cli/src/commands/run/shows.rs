@@ -1,4 +1,4 @@
-//! Shows a run: on the live page, in the terminal, or as lines of text.
+//! Shows a run: on the live page, to other programs, in the terminal, or as lines of text.
 
 use std::io::IsTerminal as _;
 use std::sync::Arc;
@@ -8,18 +8,20 @@ use std::time::{Duration, Instant};
 
 use asperity_graph::Schedule;
 use asperity_live::RunControl;
-use asperity_live::view::{Layout, View};
-use asperity_page::{Feed, Map, Page, serve};
+use asperity_live::view::{By, Change, Layout, Request, View};
+use asperity_page::{Feed, Map, Page, Serves, serve};
 use asperity_terminal::Terminal;
 use qrcode::QrCode;
 use qrcode::render::unicode::Dense1x2;
 
 use super::Args;
 use super::hands::{Hands, pointers};
-use crate::failure::{Failure, complain};
+use crate::failure::{Failure, complain, wrong};
 
 pub struct Shows {
     page: Option<(Page, Arc<Feed>)>,
+    /// Answers to clients. They go out behind the figures that they change.
+    answers: Vec<(By, Outcome)>,
     terminal: Option<Terminal>,
     layout: Option<Layout>,
     map: Option<Arc<Map>>,
@@ -27,18 +29,32 @@ pub struct Shows {
     begun: bool,
 }
 
+/// The outcome of a request.
+pub enum Outcome {
+    Done(Change),
+    /// The request, why it was refused, and help.
+    Refused(Request, String, String),
+}
+
 impl Shows {
     /// Opens page and terminal, before the engine starts, whose panic hook must be the outer one.
     pub fn open(args: &Args, run_control: &RunControl, hands: &mut Hands) -> Result<Self, Failure> {
         let pointer = hands.take_pointer();
         let speaker = Speaker::new(args.quiet || args.tui);
-        let mut it = Self { page: None, terminal: None, layout: None, map: None, speaker, begun: false };
-        if let Some(port) = args.page {
+        let (page, terminal, layout, map, answers) = (None, None, None, None, Vec::new());
+        let mut it = Self { page, answers, terminal, layout, map, speaker, begun: false };
+        if let Some(port) = port(args)? {
             let feed = Arc::new(Feed::new());
-            let options = asperity_page::Options { port, bind: args.bind, token: None };
+            let serves = match (args.page, args.control) {
+                (Some(_), Some(_)) => Serves::Both,
+                (None, _) => Serves::Control,
+                (_, None) => Serves::Page,
+            };
+            let options = asperity_page::Options { port, bind: args.bind, token: None, serves };
             let at = args.bind.map(|at| format!("{at}, ")).unwrap_or_default();
-            let page = serve(options, feed.clone(), run_control.clone(), pointer)
-                .map_err(|e| Failure::Machine(format!("cannot serve the page at {at}port {port}: {e}")))?;
+            let what = if args.page.is_some() { "page" } else { "control" };
+            let cannot = |e| Failure::Machine(format!("cannot serve the {what} at {at}port {port}: {e}"));
+            let page = serve(options, feed.clone(), run_control.clone(), pointer).map_err(cannot)?;
             it.page = Some((page, feed));
         }
         if args.tui {
@@ -47,21 +63,40 @@ impl Shows {
             it.terminal = Some(terminal.map_err(cannot)?);
         }
         let urls = it.page.as_ref().map(|(page, _)| page.urls().to_vec()).unwrap_or_default();
-        urls.iter().for_each(|url| it.say(&format!("the page: {url}")));
+        if args.page.is_some() {
+            urls.iter().for_each(|url| it.say(&format!("the page: {url}")));
+        }
+        if args.control.is_some() {
+            for url in &urls {
+                let url = url.replacen("http:", "ws:", 1).replacen("/?", "/control?", 1);
+                it.say(&format!("control by WebSocket: {url}"));
+            }
+            let osc =
+                it.page.as_ref().and_then(|(page, _)| Some((page.osc()?.port(), page.token().to_owned())));
+            if let Some((port, token)) = osc {
+                it.say(&format!("control by OSC: UDP port {port}, /asperity/hello {token}"));
+            }
+        }
         if let Some(url) = urls.first().filter(|_| args.bind.is_some_and(|at| !at.is_loopback())) {
-            if !args.tui {
+            if !args.tui && args.page.is_some() {
                 it.say(&qr(url, std::io::stderr().is_terminal()));
             }
-            it.say(
-                "warning: the connection to the page is not encrypted, and whoever has its token can move \
-                 the actuator",
-            );
+            let what = if args.page.is_some() { "the page" } else { "the program" };
+            it.say(&format!(
+                "warning: the connection to {what} is not encrypted, and whoever has its token can move \
+                 the actuator"
+            ));
         }
         Ok(it)
     }
 
     pub fn page(&self) -> Option<&Page> {
         self.page.as_ref().map(|(page, _)| page)
+    }
+
+    /// Answers a client, once it can see the change.
+    pub fn answer(&mut self, by: By, outcome: Outcome) {
+        self.answers.push((by, outcome));
     }
 
     pub fn say(&mut self, text: &str) {
@@ -117,14 +152,33 @@ impl Shows {
             // The terminal is gone.
             self.terminal = None;
         }
-        if let Some((_, feed)) = &self.page {
+        let answers = std::mem::take(&mut self.answers);
+        if let Some((page, feed)) = &self.page {
             feed.publish(view);
+            for (by, outcome) in answers {
+                match outcome {
+                    Outcome::Done(change) => page.done(&by, &change),
+                    Outcome::Refused(request, why, help) => page.refused(&by, &request, &why, &help),
+                }
+            }
         }
     }
 
     /// Restores the terminal and closes the page.
     pub fn close(self) {
         self.speaker.close();
+    }
+}
+
+/// The port of the server for pages and other programs; `None` where none is wanted.
+fn port(args: &Args) -> Result<Option<u16>, Failure> {
+    match (args.page, args.control) {
+        (Some(page), Some(control)) if page != control && page.min(control) > 0 => {
+            let what = format!("one server is for both, and --page wants port {page}");
+            Err(wrong("--control", what, "give the port once: --page 8080 --control"))
+        }
+        (Some(page), Some(control)) => Ok(Some(page.max(control))),
+        (page, control) => Ok(page.or(control)),
     }
 }
 

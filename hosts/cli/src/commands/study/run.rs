@@ -137,7 +137,7 @@ pub fn run(args: &Args) -> Result<(), Failure> {
     let pad = stage.hands.take_pointer();
     stage.has_pad = pad.is_some();
     let open = |who, name: &str, pad| {
-        let options = asperity_page::Options { port: 0, bind: args.bind, token: None };
+        let options = asperity_page::Options { bind: args.bind, ..asperity_page::Options::default() };
         let screen = screen(options, who, pad);
         let screen = screen.map_err(|e| Failure::Machine(format!("cannot serve the screens: {e}")))?;
         screen.urls().iter().for_each(|url| complain(&format!("{name} {url}\n")));
