@@ -70,7 +70,9 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let what = format!("{} {tick_hz} Hz, {frames} frames", clock.name());
     let card = Simulated::new(&what, Params { frames: vec![frames], inputs: 0, ..Params::default() })
         .expect("a card");
-    let (mut graph_controller, player) = player(tick_hz);
+    let (mut graph_controller, mut player) = player(tick_hz);
+    let (mut played, mut stylus) = (player.record_played(), player.record_stylus());
+    let (mut values, mut rows) = (Vec::new(), 0);
     let meters = Arc::new(Meters::new(tick_hz));
     let options = Options { start_s: 0.0, ..Options::new(meters.clone()) };
     let (driver, process): (_, Box<dyn Process>) = if clock == Clock::Callback {
@@ -83,7 +85,7 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     let request = Request { device: Some(card.id()), ..Request::default() };
     let stream = open(&request, Box::new(Bound(process)), None).expect("the card");
     stream.play().expect("it plays");
-    let wait = |until: u64, graph_controller: &mut GraphController| {
+    let mut wait = |until: u64, graph_controller: &mut GraphController| {
         let (began, mut view) = (Instant::now(), asperity_live::view::View::default());
         while meters.next_tick() < until {
             assert!(!driver.controls().failed() && stream.lost().is_none(), "{what}: {:?}", stream.lost());
@@ -93,6 +95,8 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
             );
             // As a page would.
             graph_controller.look(&mut view, Duration::from_millis(50));
+            while played.next(&mut values).is_some() {}
+            rows += std::iter::from_fn(|| stylus.take()).count();
             std::thread::sleep(Duration::from_millis(50));
         }
         view
@@ -113,7 +117,8 @@ fn run(clock: Clock, tick_hz: u32, frames: u32, ticks: u64) {
     println!("  {} misses, {skipped} left out, {behind} behind, {breaks} breaks, {lost} lost", timing.misses);
     assert_eq!(touched(), (0, 0), "{what}: allocations");
     assert!(grown < 400, "{what}: {grown} kB more");
-    assert_eq!(view.faults, 0, "{what}: {view:?}");
+    assert_eq!((view.faults, played.lost(), stylus.lost()), (0, 0, 0), "{what}: {view:?}");
+    assert!(rows > 0, "the stylus is recorded");
     let ticker = driver.stop().expect("the ticker");
     assert!(ticker.0.engine().next_tick() >= ticks);
 }

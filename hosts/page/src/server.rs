@@ -182,10 +182,15 @@ impl Shared {
     }
 }
 
+type Of = State<Arc<Shared>>;
+
 fn router(shared: &Arc<Shared>) -> Router {
     Router::new()
-        .route("/ws", get(async |state, socket| attend(state, socket, true).await))
-        .route("/control", get(async |state, socket| attend(state, socket, false).await))
+        .route("/ws", get(async |state: Of, socket: WebSocketUpgrade| attend(state, socket, true).await))
+        .route(
+            "/control",
+            get(async |state: Of, socket: WebSocketUpgrade| attend(state, socket, false).await),
+        )
         .route("/places", get(places))
         .route("/map", get(map))
         .route("/stroke.csv", post(stroke_csv))
@@ -257,7 +262,7 @@ fn json(value: &serde_json::Value) -> Response {
 }
 
 /// Lets a program talk. `watches`: it is a page, and is sent views.
-async fn attend(State(shared): State<Arc<Shared>>, socket: WebSocketUpgrade, watches: bool) -> Response {
+async fn attend(State(shared): Of, socket: WebSocketUpgrade, watches: bool) -> Response {
     let Ok(place) = shared.places.clone().try_acquire_owned() else {
         let why = format!("{PAGES} pages show this run already; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, why).into_response();

@@ -101,7 +101,8 @@ impl TapeWriter {
     /// Takes down interleaved samples from `start` on, with their channels in this order. Tick thread.
     pub(super) fn note_frames(&mut self, start: u64, samples: &[f32], order: &[usize]) {
         let frames = samples.chunks_exact(order.len().max(1));
-        self.push(start, samples.len(), frames.flat_map(|frame| order.iter().map(|&channel| frame[channel])));
+        let count = frames.len() * order.len();
+        self.push(start, count, frames.flat_map(|frame| order.iter().map(move |&channel| frame[channel])));
     }
 
     /// Records a tick whole, or counts it as lost.

@@ -122,17 +122,16 @@ impl Answer {
 /// Reads a command of a JSON text, or answers why it is none.
 pub(crate) fn read(text: &str) -> Result<Command, Answer> {
     const FORM: &str = "a command is an object with its name and its arguments: {\"mute\": [true]}";
-    let json = serde_json::from_str::<serde_json::Value>(text);
+    let json = serde_json::from_str::<serde_json::Value>(text).unwrap_or_default();
     let (name, values) = match &json {
-        Ok(serde_json::Value::String(name)) => (name.as_str(), Some(Vec::new())),
-        Ok(serde_json::Value::Object(fields)) if let Some((name, values)) = only(fields) => {
-            let values = match values {
-                serde_json::Value::Array(all) => all.iter().map(Value::of).collect(),
-                single => Value::of(single).map(|value| vec![value]),
-            };
-            (name.as_str(), values)
-        }
-        _ => return Err(Answer::error("", "this is no command", FORM)),
+        serde_json::Value::String(name) => (name.as_str(), Some(Vec::new())),
+        json => match json.as_object().and_then(only) {
+            Some((name, serde_json::Value::Array(all))) => {
+                (name.as_str(), all.iter().map(Value::of).collect())
+            }
+            Some((name, single)) => (name.as_str(), Value::of(single).map(|value| vec![value])),
+            None => return Err(Answer::error("", "this is no command", FORM)),
+        },
     };
     let Some(values) = values else {
         return Err(Answer::error(name, "an argument is a text, a number, true or false", FORM));
@@ -185,7 +184,7 @@ pub(crate) fn obey(
     };
     let name = match &request {
         Ok(request) => name_of(request),
-        Err((name, _)) => name,
+        Err((name, _)) => *name,
     };
     match request.map(|request| shared.run_control.ask(request, by)) {
         Ok(Ok(Some(change))) => vec![Answer::done(&change.what, change.at_s)],

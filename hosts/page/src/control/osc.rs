@@ -50,31 +50,19 @@ pub(crate) async fn talk(socket: UdpSocket, token: Arc<str>, shared: Arc<Shared>
     // One byte more than a message may have, to know a longer one.
     let mut buffer = vec![0; MESSAGE + 1];
     loop {
-        tokio::select! {
+        let failed = tokio::select! {
             _ = stop.wait_for(|stop| *stop) => break,
-            received = socket.recv_from(&mut buffer) => match received {
-                Ok((length, from)) if length <= MESSAGE => {
-                    let mut messages = Vec::new();
-                    let whole = walk(&buffer[..length], &mut |message, _| messages.push(message));
-                    for message in messages {
-                        hear(message, from, &token, &shared, &mut clients, &tell)
-                            .into_iter()
-                            .for_each(|(answer, to)| send(&socket, &answer, to));
-                    }
-                    if let (Err(why), Some(client)) = (whole, clients.get(&from)) {
-                        send(&socket, &Answer::error("", &why, "send OSC 1.0 messages"), client.to);
-                    }
+            received = socket.recv_from(&mut buffer) => {
+                if let Ok((length, from)) = received {
+                    let answers = take(&buffer[..length], from, &token, &shared, &mut clients, &tell);
+                    answers.into_iter().for_each(|(answer, to)| send(&socket, &answer, to));
                 }
-                Ok((_, from)) => {
-                    if let Some(client) = clients.get(&from) {
-                        let what = format!("a packet of more than {MESSAGE} bytes");
-                        send(&socket, &Answer::error("", &what, "send shorter ones"), client.to);
-                    }
-                }
-                // An answer came to a port that nobody has, or the network is down.
-                Err(_) => tokio::time::sleep(Duration::from_millis(20)).await,
-            },
-            Some((answer, to)) = late.recv() => send(&socket, &answer, to),
+                received.is_err()
+            }
+            Some((answer, to)) = late.recv() => {
+                send(&socket, &answer, to);
+                false
+            }
             _ = news.changed() => {
                 news.mark_unchanged();
                 let (now, figures) = (Instant::now(), shared.feed.figures());
@@ -85,13 +73,40 @@ pub(crate) async fn talk(socket: UdpSocket, token: Arc<str>, shared: Arc<Shared>
                     let due = client.subscriptions.lock().due(now, &figures, &shared.run_control);
                     due.iter().for_each(|answer| send(&socket, answer, client.to));
                 }
+                false
             }
+        };
+        if failed {
+            // An answer came to a port that nobody has, or the network is down.
+            tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
     for client in clients.values() {
         send(&socket, &Answer::ended(), client.to);
         shared.leave(client.by.client);
     }
+}
+
+/// Obeys the messages of a packet. Answers, each with its address.
+fn take(
+    packet: &[u8],
+    from: SocketAddr,
+    token: &str,
+    shared: &Shared,
+    clients: &mut HashMap<SocketAddr, Client>,
+    tell: &mpsc::Sender<(Answer, SocketAddr)>,
+) -> Vec<(Answer, SocketAddr)> {
+    let mut answers = Vec::new();
+    let whole = match packet.len() {
+        ..=MESSAGE => walk(packet, &mut |message, _| {
+            answers.extend(hear(message, from, token, shared, clients, tell));
+        }),
+        _ => Err(format!("a packet has more than {MESSAGE} bytes")),
+    };
+    if let (Err(why), Some(client)) = (whole, clients.get(&from)) {
+        answers.push((Answer::error("", &why, "send OSC 1.0 messages"), client.to));
+    }
+    answers
 }
 
 /// Obeys a message. Answers, each with its address.
