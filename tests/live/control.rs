@@ -21,7 +21,8 @@ const TONE: &str = r#"Graph(version: 1, nodes: {
     "strength": (kind: "gain"),
     "limiter": (kind: "limiter", params: (profile: "hapcoil_one", handle_mass_g: 100)),
     "out": (kind: "audio_out")},
-    wires: [("s", "v"), ("v.speed", "p"), ("tone", "strength"), ("strength", "limiter"), ("limiter", "out")])"#;
+    wires: [("s", "v"), ("v.speed", "p"), ("tone", "strength"), ("strength", "limiter"),
+        ("limiter", "out")])"#;
 
 /// A run that is controlled.
 struct Stage {

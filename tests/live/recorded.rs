@@ -53,10 +53,8 @@ fn recorded_stroke_renders_as_the_run_played() {
         let jump = strokes.windows(2).map(|w| (w[1][0] - w[0][0]).abs()).fold(0.0, f64::max);
         assert!(jump > 10.0, "the stylus was put down elsewhere: {jump} mm");
 
-        room.run(
-            "render g.ron --input stroke.csv --out again.wav --probe motion.speed=again.csv --no-prune --quiet",
-        )
-        .ok();
+        room.run("render g.ron --input stroke.csv --out again.wav --probe motion.speed=again.csv --quiet")
+            .ok();
         let (played, rate) = wav(&room.join("played.wav"));
         let (again, again_rate) = wav(&room.join("again.wav"));
         let loudest = played.iter().fold(0.0_f32, |most, x| x.abs().max(most));

@@ -1,7 +1,7 @@
 //! The protocol over OSC (UDP): addresses `/asperity/NAME` with the arguments of the table.
 //!
-//! UDP has no connections. An address becomes a client by `/asperity/hello` with the token. Anything else from
-//! an address that is no client is ignored, and nothing is sent to it. A client that is silent for
+//! UDP has no connections. An address becomes a client by `/asperity/hello` with the token. Anything else
+//! from an address that is no client is ignored, and nothing is sent to it. A client that is silent for
 //! [`SILENCE`] is one no more: to listen for long, send an `echo` now and then.
 
 use std::collections::HashMap;

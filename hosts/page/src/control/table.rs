@@ -6,7 +6,7 @@ use asperity_diagnostics::one_of;
 
 use super::{Answer, Value};
 
-/// What a client asks for.
+/// A command of a client.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Command {
     Hello { token: String, port: Option<u16> },
