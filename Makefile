@@ -7,7 +7,7 @@ OUT ?= out
 TARGET := $(or $(CARGO_TARGET_DIR),target)
 BUILT := $(TARGET)/debug
 
-.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo install test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
+.PHONY: test-demo setup-tests setup-fuzz header reference plugins setup demo install install-c test test-long fuzz format lint bench tradeoff train evaluate pictures live-pictures clean
 
 # Installs what is missing where it may, else says the exact line.
 setup:
@@ -46,6 +46,11 @@ install: setup
 	$(PREFIX)/bin/asperity completions zsh > $(SHARE)/zsh/site-functions/_asperity
 	$(PREFIX)/bin/asperity completions fish > $(SHARE)/fish/vendor_completions.d/asperity.fish
 
+# Installs the C library with its header, and the files of pkg-config and CMake.
+install-c: setup
+	$(CARGO) build --release --locked -p asperity-capi
+	sh scripts/capi.sh install $(PREFIX) $(firstword $(wildcard $(TARGET)/release/libasperity.so) $(TARGET)/release/libasperity.dylib)
+
 # Every test but the long ones. Those of the training are left out, since its framework takes long to build; with
 # `make test WITHOUT=` they run too. `BUILD=--all-targets` also builds the benches.
 WITHOUT ?= --exclude asperity-train
@@ -54,6 +59,7 @@ test: setup-tests
 	$(CARGO) test --workspace $(WITHOUT) $(BUILD) --no-run
 	$(CARGO) test --workspace $(WITHOUT) --no-fail-fast
 	CARGO="$(CARGO)" sh scripts/python.sh $(WITHOUT)
+	CARGO="$(CARGO)" sh scripts/capi.sh $(WITHOUT)
 
 # The program without tract renders the same bytes as the whole one, and says what it refuses. Both are built with the
 # features of the whole workspace, so that `make test` has built all but the program itself.
@@ -71,7 +77,7 @@ test-demo: setup
 
 # The tests that take minutes, and some hours for the hard cases: a million ticks without an allocation, a thousand
 # swaps of the shipped graph, a million ticks live, ten million ticks of nodes that fail, sixty times as many hostile
-# cases, every reader fuzzed for a minute, and Python's package as a wheel.
+# cases, every reader fuzzed for a minute, Python's package as a wheel, and the C programs under valgrind.
 test-long: setup-tests setup-fuzz
 	ASPERITY_LONG_TICKS=1000000 $(CARGO) test -p asperity --test alloc ticks::
 	ASPERITY_LONG_SWAPS=1000 PROPTEST_CASES=5000 $(CARGO) test -p asperity --test alloc swap_long::
@@ -81,6 +87,7 @@ test-long: setup-tests setup-fuzz
 	ASPERITY_HOSTILE=180 $(CARGO) test -p asperity --test it hostile:: -- --nocapture
 	CARGO="$(CARGO)" sh scripts/fuzz.sh 60
 	sh scripts/python.sh wheel
+	sh scripts/capi.sh long
 
 # Every reader, for so many seconds each.
 FUZZ_S ?= 600
@@ -119,9 +126,9 @@ tradeoff: setup
 	cp $(OUT)/tradeoff/*.svg $(OUT)/tradeoff/results.csv $(OUT)/tradeoff/REPORT.md docs/tradeoff/
 	cp $(OUT)/tradeoff/results.json graphs/tradeoffs/
 
-# Writes the plugin interface's C header anew from its Rust.
+# Writes the C headers anew from their Rust: the plugin interface's and the C library's.
 header: setup
-	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi header
+	ASPERITY_WRITE_HEADER=1 $(CARGO) test -p asperity-abi -p asperity-capi header
 
 # Writes the generated parts of docs/reference anew.
 reference: setup

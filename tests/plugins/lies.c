@@ -1,6 +1,6 @@
 /* A plugin that lies in one way: LIE says in which. LIE 0 is the honest one. */
 
-#include "asperity.h"
+#include "asperity_plugin.h"
 
 #include <stddef.h>
 

@@ -12,7 +12,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "asperity.h"
+#include "asperity_plugin.h"
 
 enum {
     NOTHING, SEGFAULT, ABORT, ENDLESS, EXITS, CRASHES_OPENING, UNSAID_SAMPLES, UNSAID_FRAME, PAST_THE_END, HALF_A_FRAME,

@@ -2,7 +2,7 @@
 
 #define _POSIX_C_SOURCE 199309L
 
-#include "asperity.h"
+#include "asperity_plugin.h"
 
 #include <fenv.h>
 #include <math.h>

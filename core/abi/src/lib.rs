@@ -1,6 +1,6 @@
 //! The C interface between Asperity and its plugins: plain data and function pointers, version 1.1.
 //!
-//! `include/asperity.h` is generated from this crate and serves C and C++. A Rust node needs neither:
+//! `include/asperity_plugin.h` is generated from this crate and serves C and C++. A Rust node needs neither:
 //! it implements `asperity_sdk::Node` and is exported with one line.
 //!
 //! Rules for every function and struct:

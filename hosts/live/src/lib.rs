@@ -6,6 +6,7 @@
 //!
 //! To change one thing, read: `session` for a run and its device, `graph_controller` for changes of the
 //! graph, `player` for one tick, `driver` for the clocks, `output_limits` for the limits of the device.
+//! `pulled` is a run in the audio callback of another program.
 
 /// Gives types a `Debug` that shows their name alone, since their queues have none.
 macro_rules! opaque_debug {
@@ -26,6 +27,7 @@ mod layout;
 mod meters;
 mod output_limits;
 mod player;
+mod pulled;
 mod ramp;
 pub mod realtime;
 mod remote_clock;
@@ -46,6 +48,7 @@ pub use output_limits::{OutputLimits, SharedLimits, Standing};
 pub use player::{
     HandInput, Listener, MicReader, MicWriter, Player, StylusReader, StylusRow, TapeReader, mic, place,
 };
+pub use pulled::Pulled;
 pub use ramp::{DOWN_S, FED_S, Level, Ramp, START_S, STARVED_S, UNMUTE_S};
 pub use remote_clock::{Order, RemoteClock};
 pub use run_control::{RunControl, Unheard};

@@ -1,4 +1,4 @@
-//! From files and settings to a graph that runs, without a device: for the program, and for Python.
+//! From files and settings to a graph that runs, without a device: for the program, Python and C.
 //!
 //! [`load`] makes a schedule of a graph or scene, with the [`kinds`] of nodes that it may use. [`render`]
 //! runs it tick by tick and reports; [`probe`] reads the values of a port. [`phase`] turns magnitudes into

@@ -16,10 +16,10 @@ fn committed_header_is_current() {
         assert!(generated.contains(&format!("{text:?}")), "{text} is not in cbindgen.toml");
     }
     assert!(generated.contains(crate::ASPERITY_ENTRY_SYMBOL));
-    let path = dir.join("include/asperity.h");
+    let path = dir.join("include/asperity_plugin.h");
     if std::env::var_os("ASPERITY_WRITE_HEADER").is_some() {
         std::fs::write(&path, &generated).unwrap();
     }
     let committed = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(committed == generated, "core/abi/include/asperity.h is stale; write it anew with: make header");
+    assert!(committed == generated, "{} is stale; write it anew with: make header", path.display());
 }

@@ -250,27 +250,35 @@ impl Player {
     }
 
     fn push_back(&mut self) {
-        let engine = &self.engine;
         for (node, max_force_n, writer) in &self.wiring.forces {
             let Some(mut writer) = writer.try_lock() else { continue };
-            let control = |input| match engine.input(*node, input) {
-                Some(Buffer::Control { values, valid, .. }) => (&values[..], *valid),
-                _ => (&[][..], false),
-            };
-            let vector = |values: &[f64]| <[f64; 3]>::try_from(values).unwrap_or_default();
-            let (plane, normal, stiffness, damping) = (control(0), control(1), control(2), control(3));
-            let beside = control(4);
-            writer.write(ForceModel {
-                point: vector(plane.0),
-                normal: vector(normal.0),
-                stiffness_n_per_mm: stiffness.0.first().copied().unwrap_or(0.0),
-                damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
-                // An invalid force beside the wall leaves the wall valid.
-                beside_n: if beside.1 { vector(beside.0) } else { [0.0; 3] },
-                max_force_n: *max_force_n,
-                valid: plane.1 && normal.1 && stiffness.1 && damping.1,
-                time_ns: now_ns(),
-            });
+            let model = ForceModel::of(&self.engine, *node, *max_force_n);
+            writer.write(ForceModel { time_ns: now_ns(), ..model });
+        }
+    }
+}
+
+impl ForceModel {
+    /// The surface that a node with the role [`Force`](asperity_node::Role::Force) had in the last tick,
+    /// without its time. `max_force_n`: its largest force \[N\].
+    pub fn of(engine: &Engine, node: usize, max_force_n: f64) -> Self {
+        let control = |input| match engine.input(node, input) {
+            Some(Buffer::Control { values, valid, .. }) => (&values[..], *valid),
+            _ => (&[][..], false),
+        };
+        let vector = |values: &[f64]| <[f64; 3]>::try_from(values).unwrap_or_default();
+        let (plane, normal, stiffness, damping) = (control(0), control(1), control(2), control(3));
+        let beside = control(4);
+        Self {
+            point: vector(plane.0),
+            normal: vector(normal.0),
+            stiffness_n_per_mm: stiffness.0.first().copied().unwrap_or(0.0),
+            damping_ns_per_m: damping.0.first().copied().unwrap_or(0.0),
+            // An invalid force beside the wall leaves the wall valid.
+            beside_n: if beside.1 { vector(beside.0) } else { [0.0; 3] },
+            max_force_n,
+            valid: plane.1 && normal.1 && stiffness.1 && damping.1,
+            time_ns: 0,
         }
     }
 }

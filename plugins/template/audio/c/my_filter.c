@@ -1,6 +1,6 @@
 /* `my_filter`: a node to change, in C. It softens a signal with a one-pole low pass. */
 
-#include "asperity.h"
+#include "asperity_plugin.h"
 
 #include <math.h>
 #include <stdlib.h>

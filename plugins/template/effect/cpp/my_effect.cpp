@@ -1,6 +1,6 @@
 // `my_effect`: an effect of surfaces to change, in C++. Ridges across a surface catch the stylus.
 
-#include "asperity.h"
+#include "asperity_plugin.h"
 
 #include <cmath>
 #include <cstring>

@@ -4,7 +4,7 @@
 // This one lets every bin run on at the frequency of its centre, which is simple and not very good: a sinusoid that lies between
 // two bins beats. `asperity compare --plugin` says how it does beside all others.
 
-#include "asperity.h"
+#include "asperity_plugin.h"
 
 #include <cmath>
 #include <complex>

@@ -53,7 +53,7 @@ pub struct Args {
 }
 
 static TEMPLATES: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../../plugins/template");
-static HEADER: &str = include_str!("../../../../../core/abi/include/asperity.h");
+static HEADER: &str = include_str!("../../../../../core/abi/include/asperity_plugin.h");
 
 static SDK: [(&str, Dir<'_>); 6] = [
     ("core/abi", include_dir!("$CARGO_MANIFEST_DIR/../../core/abi")),
@@ -163,7 +163,7 @@ fn write(name: &str, args: &Args, to: &Path) -> io::Result<String> {
             (format!("target/release/{}", file_name(name)), "src/lib.rs".to_owned(), "/target/\n")
         }
         Lang::C | Lang::Cpp => {
-            put(&to.join("asperity.h"), HEADER)?;
+            put(&to.join("asperity_plugin.h"), HEADER)?;
             (format!("./lib{name}.so"), format!("{name}.{lang}"), "*.so\n")
         }
     };

@@ -12,8 +12,8 @@
  * of one instance are called at once. Texts are UTF-8 and end with a zero byte. Nothing may be thrown across a call.
  */
 
-#ifndef ASPERITY_H
-#define ASPERITY_H
+#ifndef ASPERITY_PLUGIN_H
+#define ASPERITY_PLUGIN_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -726,4 +726,4 @@ typedef struct AsperityEffects {
     const struct AsperityEffect *(*effect)(const struct AsperityKind *kind);
 } AsperityEffects;
 
-#endif  /* ASPERITY_H */
+#endif  /* ASPERITY_PLUGIN_H */

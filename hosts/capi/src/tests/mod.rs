@@ -1,0 +1,4 @@
+//! Tests of the interface as C calls it.
+
+mod header;
+mod runs;
