@@ -16,12 +16,12 @@ fn invert(dir: &Room, phase: &str, rate: &str, out: &str) -> Ran {
     dir.run(&format!("invert --phase {phase} --magnitudes m.npy --rate {rate} --scale dft --out {out}"))
 }
 
-/// A bug once: the amplitudes of a probe were taken for those of an unscaled DFT, and came out 36 dB too small.
+/// A bug once: the amplitudes of a probe were taken for those of an unscaled DFT, 36 dB too small.
 #[test]
 fn probed_magnitudes_come_back_at_their_level() {
     let dir = Room::new();
-    dir.run("render graphs/texture.ron --seconds 2 --probe texture=m.npz --probe texture=m.npy --probe phase=y.npy")
-        .ok();
+    let probes = "--probe texture=m.npz --probe texture=m.npy --probe phase=y.npy";
+    dir.run(&format!("render graphs/texture.ron --seconds 2 {probes}")).ok();
     dir.run("invert --magnitudes m.npz --out a.npy").ok();
     dir.run("invert --magnitudes m.npy --rate 2500 --scale amplitude --out b.npy").ok();
     assert!(dir.npy("a.npy") == dir.npy("b.npy"), "an archive states what the options state");

@@ -157,7 +157,7 @@ fn unbalanced_study_says_so() {
 
 /// A new user wrote such a study from the docs. What misled is here.
 #[test]
-fn just_noticeable_difference_has_a_reference_and_a_right_answer() {
+fn just_noticeable_difference_has_a_right_answer() {
     let dir = Room::new();
     let text = std::fs::read_to_string(graphs("studies/jnd.ron")).unwrap();
     assert!(text.lines().filter(|line| !line.starts_with("//")).count() <= 36);

@@ -127,7 +127,7 @@ impl Experiment {
         found
     }
 
-    /// What looks like a mistake in the model of a person, in sentences.
+    /// Likely mistakes in the model of a person, in sentences.
     pub fn doubts(&self) -> Vec<String> {
         let Some(function) = &self.person.function else { return Vec::new() };
         let mut found = Vec::new();
@@ -137,15 +137,16 @@ impl Experiment {
             let threshold = function.threshold;
             if !(low..=high).contains(&threshold) {
                 found.push(format!(
-                    "part `{name}`: the threshold of `person` is {threshold}, and the levels are {low} to {high}"
+                    "part `{name}`: the threshold of `person` is {threshold}, and the levels are {low} to \
+                     {high}"
                 ));
             }
             let guess = vary.method.guess().filter(|guess| (guess - function.guess).abs() > 1e-6);
             if let Some(guess) = guess {
                 let own = function.guess;
                 found.push(format!(
-                    "part `{name}`: `person` guesses with the probability {own}, and the part is analysed with \
-                     {guess}"
+                    "part `{name}`: `person` guesses with the probability {own}, and the part is analysed \
+                     with {guess}"
                 ));
             }
         }

@@ -301,9 +301,9 @@ const char *asperity_engine_faults(struct AsperityEngine *engine);
 // Any thread. Never blocks.
 uint64_t asperity_now_ns(void);
 
-// Makes a run of a graph. `stylus` says who moves the stylus: ASPERITY_STROKE or ASPERITY_HAND. Set `audio_hz`
-// of the graph to the rate of your device before. `live` gets the handle, or NULL. Time begins with the
-// first pull.
+// Makes a run of a graph. `stylus` says who moves the stylus: ASPERITY_STROKE or ASPERITY_HAND. Set
+// `audio_hz` of the graph to the rate of your device before. `live` gets the handle, or NULL. Time begins
+// with the first pull.
 //
 // The heat of the actuator's coil begins cold. Keep one run for a device, and swap its graphs.
 //

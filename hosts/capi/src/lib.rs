@@ -64,7 +64,8 @@ pub extern "C" fn asperity_check_version(major: u32, minor: u32) -> AsperityStat
         }
         let own = env!("CARGO_PKG_VERSION");
         Err(Refusal::invalid(&format!(
-            "this program was built for version {major}.{minor} of Asperity, and the library is {own}: build it anew"
+            "this program was built for version {major}.{minor} of Asperity, and the library is {own}: build \
+             it anew"
         )))
     })
 }

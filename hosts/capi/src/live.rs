@@ -291,9 +291,9 @@ pub extern "C" fn asperity_now_ns() -> u64 {
     now_ns()
 }
 
-/// Makes a run of a graph. `stylus` says who moves the stylus: ASPERITY_STROKE or ASPERITY_HAND. Set `audio_hz`
-/// of the graph to the rate of your device before. `live` gets the handle, or NULL. Time begins with the
-/// first pull.
+/// Makes a run of a graph. `stylus` says who moves the stylus: ASPERITY_STROKE or ASPERITY_HAND. Set
+/// `audio_hz` of the graph to the rate of your device before. `live` gets the handle, or NULL. Time begins
+/// with the first pull.
 ///
 /// The heat of the actuator's coil begins cold. Keep one run for a device, and swap its graphs.
 ///

@@ -60,7 +60,7 @@ impl Probe {
         }
     }
 
-    /// What the values mean, to be said in a file. Their unit is `unit`.
+    /// The meaning of the values, to be said in a file. Their unit is `unit`.
     pub fn facts(&self, unit: &str, tick_hz: u32) -> Facts {
         let (array, frames) = match self.shape {
             Shape::Control { .. } => ("values", None),
@@ -91,7 +91,7 @@ impl Probe {
     }
 }
 
-/// What recorded values mean. `rate_hz` is that of the samples, and of the ticks for a control.
+/// Meaning of recorded values. `rate_hz` is that of the samples, and of the ticks for a control.
 #[derive(Clone, Debug)]
 pub struct Facts {
     array: &'static str,

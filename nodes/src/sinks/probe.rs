@@ -12,7 +12,10 @@ impl Node for Probe {
             .role(Role::Probe)
             .input(like("in").doc("signal to record"))
             .param(text("file", ""))
-            .doc("File to write: .csv, .npy, or .npz with rate and unit; relative to the working folder. Empty: nothing is recorded.")
+            .doc(
+                "File to write: .csv, .npy, or .npz with rate and unit. Relative to the working folder. \
+                 Empty: nothing is recorded.",
+            )
             .timing(
                 "keeps no node awake: while its source sleeps, audio is zero and a control holds its value",
             )

@@ -68,7 +68,10 @@ const GRAPH: &str = r#"Graph(
         "packed": (kind: "probe", params: (file: "packed.npz")),
         "out": (kind: "audio_out"),
     },
-    wires: [("tone", "kept"), ("tone", "limiter"), ("limiter", "out"), ("limiter", "probe"), ("limiter", "packed")],
+    wires: [
+        ("tone", "kept"), ("tone", "limiter"), ("limiter", "out"), ("limiter", "probe"),
+        ("limiter", "packed"),
+    ],
 )
 "#;
 

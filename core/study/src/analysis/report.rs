@@ -44,9 +44,8 @@ const READ_QUEST: &str = "\
     quartiles are over people.";
 const READ_FIT: &str = "\
     Functions are fitted by maximum likelihood, with 95 % profile intervals. *Open* is an end that the \
-    answers do not fix. A small p of the deviance speaks against the function (Wichmann and Hill 2001). Answers are \
-    taken as independent, also those of one person.";
-
+    answers do not fix. A small p of the deviance speaks against the function (Wichmann and Hill 2001). \
+    Answers are taken as independent, also those of one person.";
 const READ_EQUALITY: &str = "\
     The PSE (point of subjective equality) has 50 % of the function's rise. The JND (just noticeable \
     difference) is half the distance from 25 % to 75 %.";

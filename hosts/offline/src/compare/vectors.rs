@@ -26,8 +26,9 @@ const MAX_BYTES: u64 = 8 * npy::MAX_VALUES as u64 + (1 << 16);
 /// Bins of a signal's transform, from 0 to 1000 Hz.
 const BINS: usize = 101;
 
-const NAMES: &str = "NAME.npz holds magnitudes and their convention; NAME_RATE.mag.npy holds magnitudes, float32 [frames, bins], 2 ms apart, of unscaled \
-                     Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy the signal they are computed from";
+const NAMES: &str = "NAME.npz holds magnitudes and their convention; NAME_RATE.mag.npy magnitudes, float32 \
+                     [frames, bins], 2 ms apart, of unscaled Hann-windowed DFTs of 0.1 s; NAME_RATE.sig.npy \
+                     the signal they are computed from";
 
 /// Magnitudes that methods turn into a signal.
 pub struct Vector {

@@ -19,8 +19,8 @@ use crate::output::write_text;
 /// Simulate the people of a study, and find the power of each declared test
 ///
 /// People answer by the model that the experiment file states under `person`. Without one, all stimuli feel
-/// alike, and the power is the rate of false positives. Where a parameter varies, thresholds are compared with
-/// that of the model. --out writes the logs of the first run.
+/// alike, and the power is the rate of false positives. Where a parameter varies, thresholds are compared
+/// with that of the model. --out writes the logs of the first run.
 #[derive(Debug, clap::Args)]
 #[command(after_help = crate::commands::examples(&[
     "asperity study simulate graphs/studies/heravi2024.ron --participants 25",
@@ -108,7 +108,8 @@ impl Recovered {
     }
 
     fn json(&self) -> serde_json::Value {
-        json!({ "condition": self.condition, "mean": self.mean(), "sd": self.sd(), "without": self.without() })
+        let (mean, sd) = (self.mean(), self.sd());
+        json!({ "condition": self.condition, "mean": mean, "sd": sd, "without": self.without() })
     }
 }
 
