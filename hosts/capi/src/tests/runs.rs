@@ -237,7 +237,7 @@ fn null_and_numbers_that_are_none_are_refused() {
         refused(asperity_graph_open(null(), &mut graph), ASPERITY_INVALID, "`path` is NULL");
         refused(asperity_graph_open(c("a.ron").as_ptr(), null_mut()), ASPERITY_INVALID, "`graph` is NULL");
         refused(asperity_graph_open(c("none.ron").as_ptr(), &mut graph), ASPERITY_INVALID, "none.ron");
-        refused(asperity_graph_open(b"\xff\0".as_ptr().cast(), &mut graph), ASPERITY_INVALID, "UTF-8");
+        refused(asperity_graph_open(c"\xff".as_ptr(), &mut graph), ASPERITY_INVALID, "UTF-8");
         refused(asperity_graph_parse(null(), null(), &mut graph), ASPERITY_INVALID, "`text` is NULL");
         refused(asperity_graph_info(null_mut(), &mut Default::default()), ASPERITY_INVALID, "NULL");
         assert!(asperity_graph_warnings(null_mut()).is_null());
