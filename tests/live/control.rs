@@ -312,9 +312,9 @@ fn chosen_material_plays_and_is_listed() {
         talk.ask(&json!({ "get": "texture.material" })),
         json!({ "value": ["texture.material", "oak"] })
     );
-    assert_eq!(talk.ask(&json!({ "material": "felt" }))["done"][0], "set texture.material felt");
+    assert_eq!(talk.ask(&json!({ "material": "velour" }))["done"][0], "set texture.material velour");
     let listed: Vec<String> = stage.changes(&room).into_iter().map(|(what, _)| what).collect();
-    assert_eq!(listed, ["set texture.material oak", "set texture.material felt"]);
+    assert_eq!(listed, ["set texture.material oak", "set texture.material velour"]);
 }
 
 /// The client of docs/control.md, as it stands there.
