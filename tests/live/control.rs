@@ -166,9 +166,7 @@ fn commands_by_websocket_and_osc_do_the_same() {
     // The page is at the same port, with the same token.
     let page = stage.url.replace("/control?", "/?");
     let (host, query) = page["http://".len()..].split_once('/').expect("an address");
-    assert!(
-        get(&page, &format!("GET /{query} HTTP/1.1")[4..], &format!("Host: {host}\r\n")).contains("200 OK")
-    );
+    assert!(get(&page, &format!("/{query} HTTP/1.1"), &format!("Host: {host}\r\n")).contains("200 OK"));
     let by_osc = format!("OSC {local}");
     let of = |what: &str, by: &str| (what.to_owned(), by.to_owned());
     assert_eq!(

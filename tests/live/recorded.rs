@@ -92,7 +92,7 @@ fn recordings_without_a_signal_or_format_are_refused() {
         ("run g.ron --out -", "--out played.wav"),
         ("run g.ron --probe motion.speed", "no `=`"),
         ("run g.ron --probe nobody.speed=s.csv", "no node `nobody`"),
-        ("run g.ron --out o.wav --record o.wav", "cannot tell the format"),
+        ("run g.ron --out o.wav --record o.wav", "would write the same file"),
         ("run g.ron --record s.csv --probe motion.speed=s.csv", "would write the same file"),
     ] {
         let ran = room.run(line);
