@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use harness::alone::beside_others;
-use harness::live::{CARD, Live, graph, rows, told};
+use harness::live::{CARD, Live, graph, npy, rows, told};
 use harness::{Room, wav};
 
 use crate::socket::Onlooker;
@@ -11,11 +11,12 @@ use crate::socket::Onlooker;
 /// Records a run of graphs/live.ron whose pointer touches twice, far apart.
 fn recorded(room: &Room) -> Result<(), String> {
     room.write("g.ron", graph("live.ron", "", ""));
-    let files = ["--record", "stroke.csv", "--out", "played.wav", "--probe", "motion.speed=speed.csv"];
+    let files = ["--record", "stroke.csv", "--out", "played.wav"];
+    let probes = ["--probe", "motion.speed=speed.csv", "--probe", "inverse=drive.npy"];
     // A machine that holds messages back is no stall here.
     let args =
         ["g.ron", "--page", "--device", CARD, "--set", "stylus.timeout_ms=10000", "--report", "r.json"];
-    let mut live = Live::start(room, &[&args[..], &files].concat());
+    let mut live = Live::start(room, &[&args[..], &files, &probes].concat());
     let mut onlooker = Onlooker::at(&live.says("the page: "));
     onlooker.until("that it plays", |shown| shown.view["condition"] == "playing");
     let mut at_ms = 0.0;
@@ -31,7 +32,7 @@ fn recorded(room: &Room) -> Result<(), String> {
         at_ms += 300.0;
     }
     let said = live.stop().ok();
-    for file in ["stroke.csv", "played.wav", "speed.csv"] {
+    for file in ["stroke.csv", "played.wav", "speed.csv", "drive.npy"] {
         assert!(said.out.contains(file), "{}", said.out);
     }
     let report = room.json("r.json");
@@ -53,8 +54,8 @@ fn recorded_stroke_renders_as_the_run_played() {
         let jump = strokes.windows(2).map(|w| (w[1][0] - w[0][0]).abs()).fold(0.0, f64::max);
         assert!(jump > 10.0, "the stylus was put down elsewhere: {jump} mm");
 
-        room.run("render g.ron --input stroke.csv --out again.wav --probe motion.speed=again.csv --quiet")
-            .ok();
+        let probes = "--probe motion.speed=again.csv --probe inverse=again.npy";
+        room.run(&format!("render g.ron --input stroke.csv --out again.wav {probes} --quiet")).ok();
         let (played, rate) = wav(&room.join("played.wav"));
         let (again, again_rate) = wav(&room.join("again.wav"));
         let loudest = played.iter().fold(0.0_f32, |most, x| x.abs().max(most));
@@ -65,8 +66,12 @@ fn recorded_stroke_renders_as_the_run_played() {
         assert!((20.0..200.0).contains(&fastest), "a jump is no motion: {fastest} mm/s");
         let odd = speed.iter().zip(&speed_again).position(|(a, b)| a != b);
         assert_eq!(odd, None, "the speed differs at a tick: {:?}", odd.map(|k| (&speed[k], &speed_again[k])));
-        let odd = played.iter().zip(&again).position(|(a, b)| a != b);
-        assert_eq!(odd, None, "a sample differs: {:?}", odd.map(|k| (played[k], again[k])));
+        let [drive, drive_again] = ["drive.npy", "again.npy"].map(|file| npy(&room.join(file)));
+        let odd = drive.iter().zip(&drive_again).position(|(a, b)| a != b);
+        assert_eq!(odd, None, "a sample differs: {:?}", odd.map(|k| (drive[k], drive_again[k])));
+        // The limiter of a run knows the heat of the coil as the device had it.
+        let apart = played.iter().zip(&again).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(apart < 1e-4, "{apart}");
         assert!(played.len().abs_diff(again.len()) <= 96, "{} and {}", played.len(), again.len());
         Ok(())
     });
@@ -87,7 +92,7 @@ fn recordings_without_a_signal_or_format_are_refused() {
         ("run g.ron --out -", "--out played.wav"),
         ("run g.ron --probe motion.speed", "no `=`"),
         ("run g.ron --probe nobody.speed=s.csv", "no node `nobody`"),
-        ("run g.ron --out o.wav --record o.wav", "cannot tell the format"),
+        ("run g.ron --out o.wav --record o.wav", "would write the same file"),
         ("run g.ron --record s.csv --probe motion.speed=s.csv", "would write the same file"),
     ] {
         let ran = room.run(line);

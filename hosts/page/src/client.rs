@@ -142,6 +142,12 @@ impl Show<'_> {
         holder.mark_changed();
         loop {
             news.mark_unchanged();
+            // The answer to a subscription comes before its first message.
+            while let Ok(answer) = waiting.try_recv() {
+                if let Err(leave) = self.send(Message::Text(answer.json().into())).await {
+                    return leave;
+                }
+            }
             if let Err(leave) = self.catch_up().await {
                 return leave;
             }

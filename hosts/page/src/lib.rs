@@ -15,9 +15,10 @@
 //! request has one, must be this page. The page loads nothing from elsewhere, and forbids the
 //! browser to do so.
 //!
-//! The cost is bounded: [`CONNECTIONS`] connections with the token and as many without, [`PAGES`] pages and
-//! programs with a WebSocket, [`CLIENTS`] with OSC, [`AHEAD`] views on the way to each page, and messages of
-//! [`MESSAGE`] bytes at a limited rate. A page that acknowledges no view for [`PATIENCE`] is disconnected.
+//! The cost is bounded. There are at most [`CONNECTIONS`] connections with the token and as many without,
+//! [`PAGES`] pages and programs with a WebSocket, and [`CLIENTS`] programs with OSC. [`AHEAD`] views are on
+//! the way to each page. Messages have at most [`MESSAGE`] bytes, at a limited rate. A page that acknowledges
+//! no view for [`PATIENCE`] is disconnected.
 
 mod client;
 mod control;

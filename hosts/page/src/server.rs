@@ -122,7 +122,7 @@ impl Page {
         self.shared.answer(by, Answer::done(&change.what, change.at_s));
     }
 
-    /// Tells a client that its request was refused, why, and what helps.
+    /// Tells a client that its request was refused, with the reason and help.
     pub fn refused(&self, by: &By, request: &Request, message: &str, help: &str) {
         self.shared.answer(by, Answer::error(name_of(request), message, help));
     }

@@ -43,7 +43,7 @@ pub struct OutputArgs {
     /// Sample format of the WAV file
     #[arg(long, value_enum, default_value = "f32")]
     pub format: Format,
-    /// Record an output of a node to a file. May be repeated
+    /// Record an output of a node to a file
     #[arg(long, value_name = "NODE.PORT=FILE.csv|.npy|.npz")]
     pub probe: Vec<String>,
     /// Report file: times, levels and faults of the run, as JSON; - writes to the standard output

@@ -213,7 +213,6 @@ fn is_flag(live: &LiveLayout) -> bool {
 
 fn set(parameter: &str, value: &Value, shared: &Shared) -> Result<Request, Diagnostic> {
     let layout = shared.feed.layout();
-    let names = || layout.nodes.iter().flat_map(|n| n.live.iter().map(|l| format!("{}.{}", n.id, l.name)));
     let Some((node, param)) = parameter.rsplit_once('.') else {
         let what = format!("`{parameter}` is no parameter");
         return Err(Diagnostic::new(what).help("write NODE.PARAM, such as strength.gain"));
@@ -224,7 +223,8 @@ fn set(parameter: &str, value: &Value, shared: &Shared) -> Result<Request, Diagn
     let live = layout.nodes.iter().find(|x| x.id == node).map_or(&[][..], |x| &x.live);
     let Some(live) = live.iter().find(|x| x.name == param) else {
         let what = format!("{node} has no parameter {param} that can change while it runs");
-        let names: Vec<String> = names().collect();
+        let live = layout.nodes.iter().flat_map(|n| n.live.iter().map(|l| format!("{}.{}", n.id, l.name)));
+        let names: Vec<String> = live.collect();
         return Err(Diagnostic::new(what).help(one_of(parameter, names.iter().map(String::as_str))));
     };
     let number = match value {
@@ -254,10 +254,10 @@ fn material(node: Option<&str>, name: String, shared: &Shared) -> Result<Request
         let what = match node {
             Some(node) => format!("{node} has no materials"),
             None if layout.materials.is_empty() => "the graph has no materials to choose from".to_owned(),
-            None => "several nodes have materials".to_owned(),
+            None => "several nodes have materials: name one".to_owned(),
         };
         let nodes = layout.materials.iter().map(|m| m.node.as_str());
-        return Err(Diagnostic::new(what).help(format!("name the node: {}", one_of("", nodes))));
+        return Err(Diagnostic::new(what).help(one_of(node.unwrap_or_default(), nodes)));
     };
     if !materials.names.contains(&name) {
         let what = format!("{} has no material {name}", materials.node);
