@@ -85,7 +85,7 @@ if [ -n "$long" ]; then
         check="valgrind --quiet --error-exitcode=9 --suppressions=$capi/tests/valgrind.supp --tool=$tool"
         while [ $(($(date +%s) - began)) -lt $share ]; do
             seed=$((seed + 1))
-            $check "$bin/wrong" "$graphs/texture.ron" $seed 400
+            $check "$bin/wrong" "$graphs/texture.ron" $((seed + 2)) 60
             $check "$bin/servo" "$graphs/haply.ron" 2
             [ $seed != 1 ] || $check "$bin/render" "$graphs/texture.ron" hand "$out/$tool.f32"
         done

@@ -310,9 +310,7 @@ uint64_t asperity_now_ns(void);
 // One thread at a time. Blocks: compiles, allocates.
 //
 // `live` is NULL or may be written.
-AsperityStatus asperity_live_new(struct AsperityGraph *graph,
-                                 uint32_t stylus,
-                                 struct AsperityLive **live);
+AsperityStatus asperity_live_new(struct AsperityGraph *graph, uint32_t stylus, struct AsperityLive **live);
 
 // Ramps the output down within 15 ms and ends the run. Pull meanwhile, until this returns: that plays the
 // ramp. If nobody pulls, it returns within a second. NULL is nothing to free.

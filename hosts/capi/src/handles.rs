@@ -66,7 +66,9 @@ impl<T> Table<T> {
             None => return Err(Refusal::busy(&format!("there are {MOST} such handles: free some"))),
         };
         drop(free);
-        let fresh = || Box::new(RwLock::new(Slot { handle: place << KIND | self.kind, object: None }));
+        // Counted from 1, so that no small number is a handle.
+        let first = 1 << (KIND + PLACE) | place << KIND | self.kind;
+        let fresh = || Box::new(RwLock::new(Slot { handle: first, object: None }));
         let mut slot = self.slots[place].get_or_init(fresh).write();
         slot.object = Some(object);
         Ok(slot.handle)

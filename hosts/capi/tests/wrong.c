@@ -10,12 +10,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { THREADS = 4, HANDLES = 6, ROOM = 1024, FUNCTIONS = 24 };
+enum { THREADS = 4, KINDS = 3, HANDLES = 3, ROOM = 1024, FUNCTIONS = 24 };
+enum { GRAPH, ENGINE, LIVE };
 
 static const char *path;
 static uint64_t calls;
-// Handles of all kinds in one place: threads exchange and confuse them.
-static _Atomic(void *) handles[HANDLES];
+// Handles of each kind: threads exchange them.
+static _Atomic(void *) handles[KINDS][HANDLES];
 static atomic_ullong answered[4];
 
 struct chance {
@@ -36,7 +37,8 @@ static int one_in(struct chance *chance, unsigned n)
     return (draw(chance) >> 33) % n == 0;
 }
 
-static void *any_handle(struct chance *chance)
+// A handle of a kind, more or less.
+static void *any_handle(struct chance *chance, unsigned kind)
 {
     if (one_in(chance, 30)) {
         return NULL;
@@ -44,7 +46,10 @@ static void *any_handle(struct chance *chance)
     if (one_in(chance, 30)) {
         return (void *)(uintptr_t)draw(chance);
     }
-    return atomic_load(&handles[(draw(chance) >> 33) % HANDLES]);
+    if (one_in(chance, 8)) {
+        kind = (draw(chance) >> 33) % KINDS;
+    }
+    return atomic_load(&handles[kind][(draw(chance) >> 33) % HANDLES]);
 }
 
 static double any_number(struct chance *chance)
@@ -66,10 +71,10 @@ static const char *any_text(struct chance *chance)
     return texts[(draw(chance) >> 33) % (sizeof texts / sizeof *texts)];
 }
 
-static void keep(struct chance *chance, void *handle)
+static void keep(struct chance *chance, unsigned kind, void *handle)
 {
-    // One that nobody holds any more is freed. Others may still have seen it.
-    void *old = atomic_exchange(&handles[(draw(chance) >> 33) % HANDLES], handle);
+    // The one before is freed, though other threads may be about to use it.
+    void *old = atomic_exchange(&handles[kind][(draw(chance) >> 33) % HANDLES], handle);
     asperity_live_free(old);
     asperity_engine_free(old);
     asperity_graph_free(old);
@@ -82,7 +87,9 @@ static const char tone[] =
 
 static AsperityStatus call(struct chance *chance, float *room)
 {
-    void *it = any_handle(chance);
+    unsigned function = (draw(chance) >> 33) % FUNCTIONS;
+    unsigned kind = function < 9 ? GRAPH : function < 15 ? ENGINE : LIVE;
+    void *it = any_handle(chance, kind);
     union {
         AsperityGraph *graph;
         AsperityEngine *engine;
@@ -104,7 +111,7 @@ static AsperityStatus call(struct chance *chance, float *room)
     } to;
     int none = one_in(chance, 10);
     AsperityStatus status = ASPERITY_OK;
-    switch ((draw(chance) >> 33) % FUNCTIONS) {
+    switch (function) {
     case 0:
         // Rarely: it compiles a whole texture.
         if (!one_in(chance, 8)) {
@@ -154,7 +161,7 @@ static AsperityStatus call(struct chance *chance, float *room)
     case 20:
         return asperity_live_set(it, any_text(chance), any_text(chance));
     case 21:
-        return asperity_live_swap(it, any_handle(chance));
+        return asperity_live_swap(it, any_handle(chance, GRAPH));
     case 22:
         asperity_live_mute(it, (uint32_t)draw(chance) % 2);
         return asperity_live_strength(it, any_number(chance) / 40);
@@ -165,7 +172,7 @@ static AsperityStatus call(struct chance *chance, float *room)
         return asperity_live_figures(it, none ? NULL : &to.figures);
     }
     if (made.any) {
-        keep(chance, made.any);
+        keep(chance, function == 2 ? ENGINE : function == 3 ? LIVE : GRAPH, made.any);
     }
     return status;
 }
@@ -213,8 +220,8 @@ int main(int argc, char **argv)
         pthread_join(threads[i], NULL);
     }
     struct chance last = { .state = 1 };
-    for (int i = 0; i < 20 * HANDLES; i++) {
-        keep(&last, NULL);
+    for (unsigned i = 0; i < 20 * KINDS * HANDLES; i++) {
+        keep(&last, i % KINDS, NULL);
     }
     printf("seed %llu: %llu calls done, %llu invalid, %llu busy\n", (unsigned long long)seed,
         (unsigned long long)atomic_load(&answered[ASPERITY_OK]),
