@@ -154,7 +154,7 @@ if pkg-config --exists jack && has jackd; then
     jackd --no-realtime --name "$JACK_DEFAULT_SERVER" -d dummy -r 44100 -p 128 > "$out/jackd.txt" 2>&1 &
     server=$!
     trap 'kill $server 2>/dev/null || true' EXIT
-    sleep 1
+    if has jack_wait; then jack_wait -w -t 30 > /dev/null; else sleep 5; fi
     "$bin/pull_jack" "$graphs/live.ron" 3
 else
     left_out "JACK, without jackd and its header (Debian: jackd2 libjack-jackd2-dev)"
