@@ -184,7 +184,7 @@ fn plugin_of_a_graph_is_found_by_file_or_name() {
 fn inverted(dir: &Room, kind: &str, plugin: &Path) -> Vec<f32> {
     let magnitudes = root().join("tests/data/phase/texture_2500.mag.npy");
     let files = format!("--plugin {} --magnitudes {}", plugin.display(), magnitudes.display());
-    dir.run(&format!("invert --phase {kind} --rate 2500 --out y.npy {files}")).ok();
+    dir.run(&format!("invert --phase {kind} --rate 2500 --scale dft --out y.npy {files}")).ok();
     dir.npy("y.npy")
 }
 

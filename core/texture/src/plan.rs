@@ -10,8 +10,8 @@ use prost::Message;
 /// Names the command that builds tract in.
 const INSTALL: &str = "`cargo install --locked --path hosts/cli` installs a program that has it";
 
-/// `asperity_tract::compile`: from the bytes of a model, its name in errors, shapes of the inputs, the
-/// largest size of such a file and a help, to a function from inputs to outputs.
+/// `asperity_tract::compile`. Takes the bytes of a model, its name in errors, shapes of the inputs, the
+/// largest size of such a file and a help. Makes a function from inputs to outputs.
 pub type Compile = fn(&[u8], &Path, &[Vec<usize>], u64, &str) -> Result<Arc<Run>, Diagnostic>;
 
 /// A compiled graph: from its inputs to its outputs, or `None` where it fails.

@@ -1,4 +1,4 @@
-//! The values of a port, tick by tick, and what they mean.
+//! The values of a port, tick by tick, and their meaning.
 
 use std::io::{self, Read, Seek, Write};
 

@@ -55,17 +55,20 @@ fn killed_render_leaves_all_old_files_or_all_new_ones() {
         std::thread::sleep(lasts.mul_f64(part));
         let _ = child.kill();
         let _ = child.wait();
-        // Whoever writes next into the folder completes what was begun.
+        // Whoever writes next into the folder completes renames that were begun.
         let mut next = asperity(&dir);
         next.args(["graph", &graph(), "--svg", "g.svg"]);
         let found = ends(next, LONGEST).and_then(|ended| {
             let found = outputs(&dir);
-            let whole = found == old || found == new;
-            let left = dir.files().len() == 4;
-            if whole && left {
+            if found != old && found != new {
+                return Err(format!("old and new are mixed: {:?}", dir.files()));
+            }
+            // Whoever writes the same files next removes what a kill before the renames left of them.
+            ends(render(&dir, 2), LONGEST)?;
+            if dir.files().len() == 4 {
                 Ok((0, ended))
             } else {
-                Err(format!("old and new are mixed, or more is left: {:?}", dir.files()))
+                Err(format!("more is left: {:?}", dir.files()))
             }
         });
         tally.count(&format!("{number}"), dir, &command, found);

@@ -157,7 +157,7 @@ impl Pending {
         Ok(self)
     }
 
-    /// The archive of the rows, with what they mean; another file as it is.
+    /// The archive of the rows with their meaning; another file as it is.
     fn packed(mut self) -> Result<Self, Failure> {
         let Some(facts) = self.facts.take() else { return Ok(self) };
         let whole = Self::create(&self.path)?;
@@ -393,7 +393,7 @@ impl Rows {
         Self::new(pending, |file| npy::Writer::new(file, columns).map(To::Npy))
     }
 
-    /// A .npz archive of such rows and of what they mean.
+    /// A .npz archive of such rows and their meaning.
     pub fn npz(mut pending: Pending, columns: Option<usize>, facts: Facts) -> Result<Self, Failure> {
         pending.facts = Some(facts);
         Self::npy(pending, columns)

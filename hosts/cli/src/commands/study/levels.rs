@@ -55,7 +55,7 @@ struct Job {
 struct Row {
     part: String,
     condition: String,
-    /// Whether the trial has no right answer, so that a change of level is what is asked for.
+    /// Whether the trial has no right answer: people judge a change of level.
     compares: bool,
     stimulus: String,
     /// Gains in dB at levels of the varied parameter.
