@@ -116,7 +116,10 @@ impl Vary {
 
 /// Why no level tells anything about the thresholds; `None` where their ranges meet.
 fn unreachable_by(settings: &QuestSettings) -> Option<String> {
-    let ends = |of: Vec<f64>| of.iter().fold([f64::MAX, f64::MIN], |[l, h], x| [l.min(*x), h.max(*x)]);
+    // As people write them: a grid's ends are rounded.
+    let ends = |of: Vec<f64>| {
+        of.iter().map(|x| *x as f32).fold([f32::MAX, f32::MIN], |[l, h], x| [l.min(x), h.max(x)])
+    };
     let [least, most] = ends(settings.levels().ok()?);
     let [low, high] = ends(settings.thresholds().ok()?);
     let why = || format!("`threshold` is {low} to {high}: use values among the levels, {least} to {most}");
