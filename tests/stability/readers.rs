@@ -58,6 +58,7 @@ fn text(bytes: &[u8]) -> Option<std::sync::Arc<Source>> {
 
 /// A graph, as far as an engine that could run it.
 fn graph(bytes: &[u8]) -> bool {
+    asperity_texture::run_graphs_by(asperity_tract::compile);
     let Some(Ok(graph)) = text(bytes).map(|source| GraphFile::parse(&source)) else { return false };
     compile(&graph, &super::registry(), Default::default()).is_ok()
 }

@@ -301,7 +301,12 @@ pub(super) static WRITERS: [Writer; 12] = [
             "run",
             graph,
             "run g.ron --overwrite --device simulated:frames=64 --seconds 1 --quiet --report r.json",
-            &[file("r.json", is_json), file("kept.npy", is_array), file("seen.csv", is_table)],
+            &[
+                file("r.json", is_json),
+                file("kept.npy", is_array),
+                file("seen.csv", is_table),
+                file("packed.npz", is_archive),
+            ],
         )
     },
     Writer {
