@@ -53,7 +53,7 @@ def test_numpy_and_the_program_read_archives_of_each_other(
     program("invert", "--magnitudes", probed, "--out", out, "--phase", "spsi")
     m = np.load(probed)
     assert {name: m[name].item() for name in stated} == stated | {"scale": "amplitude", "hop": 5}
-    assert m["magnitudes"].shape[1] == 100 and str(m["unit"]) == "m/s^2"
+    assert m["magnitudes"].shape[1] == 101 and str(m["unit"]) == "m/s^2"
     found = asperity.invert(m["magnitudes"], rate=int(m["rate"]), scale="amplitude", phase="spsi")
     assert found.tobytes() == np.load(out).tobytes()
 
