@@ -161,7 +161,10 @@ fn just_noticeable_difference_has_a_right_answer() {
     let dir = Room::new();
     let text = std::fs::read_to_string(graphs("studies/jnd.ron")).unwrap();
     assert!(text.lines().filter(|line| !line.starts_with("//")).count() <= 36);
-    dir.run("study check graphs/studies/jnd.ron").ok().says(&["up to 120 trials", "0.05 to 1"]);
+    let checked = dir.run("study check graphs/studies/jnd.ron").ok().says(&["up to 120 trials", "0.05 to 1"]);
+    // The reference is among the stimuli shown, and has one line of each condition.
+    assert_eq!(checked.out.lines().filter(|line| line.contains(" noise  ")).count(), 2, "{}", checked.out);
+    assert!(!checked.err.contains("level matching takes"), "{}", checked.err);
     let found = dir.run("study simulate graphs/studies/jnd.ron --runs 4 --out out --json").json();
     let thresholds = found["thresholds"].as_array().unwrap();
     assert_eq!(thresholds.len(), 2);
