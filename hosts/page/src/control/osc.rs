@@ -42,11 +42,23 @@ struct Client {
     heard: Instant,
 }
 
+/// An answer, and where it goes.
+type Addressed = (Answer, SocketAddr);
+
+/// All clients, by their addresses.
+struct Clients {
+    token: Arc<str>,
+    shared: Arc<Shared>,
+    all: HashMap<SocketAddr, Client>,
+    /// For answers that come later.
+    tell: mpsc::Sender<Addressed>,
+}
+
 /// Listens until the run ends.
 pub(crate) async fn talk(socket: UdpSocket, token: Arc<str>, shared: Arc<Shared>) {
     let (tell, mut late) = mpsc::channel(WAITING);
     let (mut stop, mut news) = (shared.stop.subscribe(), shared.feed.news());
-    let mut clients: HashMap<SocketAddr, Client> = HashMap::new();
+    let mut clients = Clients { token, shared: Arc::clone(&shared), all: HashMap::new(), tell };
     // One byte more than a message may have, to know a longer one.
     let mut buffer = vec![0; MESSAGE + 1];
     loop {
@@ -54,7 +66,7 @@ pub(crate) async fn talk(socket: UdpSocket, token: Arc<str>, shared: Arc<Shared>
             _ = stop.wait_for(|stop| *stop) => break,
             received = socket.recv_from(&mut buffer) => {
                 if let Ok((length, from)) = received {
-                    let answers = take(&buffer[..length], from, &token, &shared, &mut clients, &tell);
+                    let answers = clients.take(&buffer[..length], from);
                     answers.into_iter().for_each(|(answer, to)| send(&socket, &answer, to));
                 }
                 received.is_err()
@@ -66,10 +78,10 @@ pub(crate) async fn talk(socket: UdpSocket, token: Arc<str>, shared: Arc<Shared>
             _ = news.changed() => {
                 news.mark_unchanged();
                 let (now, figures) = (Instant::now(), shared.feed.figures());
-                for (_, gone) in clients.extract_if(|_, client| now - client.heard > SILENCE) {
+                for (_, gone) in clients.all.extract_if(|_, client| now - client.heard > SILENCE) {
                     shared.leave(gone.by.client);
                 }
-                for client in clients.values() {
+                for client in clients.all.values() {
                     let due = client.subscriptions.lock().due(now, &figures, &shared.run_control);
                     due.iter().for_each(|answer| send(&socket, answer, client.to));
                 }
@@ -81,74 +93,67 @@ pub(crate) async fn talk(socket: UdpSocket, token: Arc<str>, shared: Arc<Shared>
             tokio::time::sleep(Duration::from_millis(20)).await;
         }
     }
-    for client in clients.values() {
+    for client in clients.all.values() {
         send(&socket, &Answer::ended(), client.to);
         shared.leave(client.by.client);
     }
 }
 
-/// Obeys the messages of a packet. Answers, each with its address.
-fn take(
-    packet: &[u8],
-    from: SocketAddr,
-    token: &str,
-    shared: &Shared,
-    clients: &mut HashMap<SocketAddr, Client>,
-    tell: &mpsc::Sender<(Answer, SocketAddr)>,
-) -> Vec<(Answer, SocketAddr)> {
-    let mut answers = Vec::new();
-    let whole = match packet.len() {
-        ..=MESSAGE => walk(packet, &mut |message, _| {
-            answers.extend(hear(message, from, token, shared, clients, tell));
-        }),
-        _ => Err(format!("a packet has more than {MESSAGE} bytes")),
-    };
-    if let (Err(why), Some(client)) = (whole, clients.get(&from)) {
-        answers.push((Answer::error("", &why, "send OSC 1.0 messages"), client.to));
+impl Clients {
+    /// Obeys the messages of a packet. Answers, each with its address.
+    fn take(&mut self, packet: &[u8], from: SocketAddr) -> Vec<Addressed> {
+        let mut answers = Vec::new();
+        let whole = match packet.len() {
+            ..=MESSAGE => walk(packet, &mut |message, _| {
+                answers.extend(self.hear(message, from));
+            }),
+            _ => Err(format!("a packet has more than {MESSAGE} bytes")),
+        };
+        if let (Err(why), Some(client)) = (whole, self.all.get(&from)) {
+            answers.push((Answer::error("", &why, "send OSC 1.0 messages"), client.to));
+        }
+        answers
     }
-    answers
-}
 
-/// Obeys a message. Answers, each with its address.
-fn hear(
-    message: OscMessage,
-    from: SocketAddr,
-    token: &str,
-    shared: &Shared,
-    clients: &mut HashMap<SocketAddr, Client>,
-    tell: &mpsc::Sender<(Answer, SocketAddr)>,
-) -> Vec<(Answer, SocketAddr)> {
-    let command = command(&message);
-    if let Ok(Command::Hello { token: shown, port }) = &command
-        && same(shown, token)
-    {
-        let to = SocketAddr::new(from.ip(), port.unwrap_or(from.port()));
-        if !clients.contains_key(&from) && clients.len() >= CLIENTS {
-            let what = format!("{CLIENTS} programs control this run already");
-            return vec![(Answer::error("hello", &what, "end one, or wait a minute"), to)];
+    /// Obeys a message. Answers, each with its address.
+    fn hear(&mut self, message: OscMessage, from: SocketAddr) -> Vec<Addressed> {
+        let Self { token, shared, all: clients, tell } = self;
+        let command = command(&message);
+        if let Ok(Command::Hello { token: shown, port }) = &command
+            && same(shown, token)
+        {
+            let to = SocketAddr::new(from.ip(), port.unwrap_or(from.port()));
+            if !clients.contains_key(&from) && clients.len() >= CLIENTS {
+                let what = format!("{CLIENTS} programs control this run already");
+                return vec![(Answer::error("hello", &what, "end one, or wait a minute"), to)];
+            }
+            let client = clients.entry(from).or_insert_with(|| client(from, to, shared));
+            client.to = to;
+            let tell = tell.clone();
+            // An answer too many is left out.
+            shared.enter(client.by.client, Box::new(move |answer| drop(tell.try_send((answer, to)))));
         }
-        let client = clients.entry(from).or_insert_with(|| client(from, to, shared));
-        client.to = to;
-        let tell = tell.clone();
-        // An answer too many is left out.
-        shared.enter(client.by.client, Box::new(move |answer| drop(tell.try_send((answer, to)))));
-    }
-    let Some(client) = clients.get_mut(&from) else { return Vec::new() };
-    client.heard = Instant::now();
-    if !client.asks.take() {
-        let what = format!("more than {} messages a second", ASKS[0]);
-        let answer = Answer::error("", &what, "those beyond are left out");
-        return if std::mem::replace(&mut client.told, true) { vec![] } else { vec![(answer, client.to)] };
-    }
-    client.told = false;
-    let answers = match command {
-        Ok(Command::Hello { token: shown, .. }) if !same(&shown, token) => {
-            vec![Answer::error("hello", "this is not the token", "the program prints it at its start")]
+        let Some(client) = clients.get_mut(&from) else { return Vec::new() };
+        client.heard = Instant::now();
+        if !client.asks.take() {
+            let what = format!("more than {} messages a second", ASKS[0]);
+            let answer = Answer::error("", &what, "those beyond are left out");
+            return if std::mem::replace(&mut client.told, true) {
+                vec![]
+            } else {
+                vec![(answer, client.to)]
+            };
         }
-        Ok(command) => obey(command, &client.by, shared, &client.subscriptions),
-        Err(wrong) => vec![wrong],
-    };
-    answers.into_iter().map(|answer| (answer, client.to)).collect()
+        client.told = false;
+        let answers = match command {
+            Ok(Command::Hello { token: shown, .. }) if !same(&shown, token) => {
+                vec![Answer::error("hello", "this is not the token", "the program prints it at its start")]
+            }
+            Ok(command) => obey(command, &client.by, shared, &client.subscriptions),
+            Err(wrong) => vec![wrong],
+        };
+        answers.into_iter().map(|answer| (answer, client.to)).collect()
+    }
 }
 
 fn client(from: SocketAddr, to: SocketAddr, shared: &Shared) -> Client {
