@@ -63,7 +63,7 @@ fn bad_profiles_are_refused_where_they_are_wrong() {
         ("g: 4.4, source: \"published: moving mass 4.4 g\"", "g: 4.4", "the field `source` is missing", 10),
         ("source: \"published: moving mass 4.4 g\"", "source: \" \"", "a source is not empty", 27),
         ("(g: 4.4, source: \"published: moving mass 4.4 g\")", "4.4", "such as `m_a: (g: 4.4", 10),
-        ("m_a:", "m_b:", "the field `m_a` is missing", 1),
+        ("m_a:", "m_b:", "the field `m_a` is missing", 5),
         ("version: 1", "version: 2", "this version is not known (write `version: 1`)", 14),
         ("ma: 600", "ma: 100", "the peak current is below the rated current (at least 147.8 mA)", 19),
         ("uh: 128", "uh: 4999.5", "a coil of this inductance", 17),

@@ -1,11 +1,9 @@
 //! Magnitudes of frames of a signal.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
 use asperity_dsp::frame::{BINS, WINDOW_S};
-use realfft::num_complex::Complex64;
-use realfft::{RealFftPlanner, RealToComplex};
+use num_complex::Complex64;
 
 /// Computes magnitudes of frames at one rate.
 pub struct Spectrometer {
@@ -16,7 +14,7 @@ pub struct Spectrometer {
 /// Computation of the sums at 10, 20, .. Hz.
 enum Transform {
     /// For frames with a whole number of samples.
-    Fast { plan: Arc<dyn RealToComplex<f64>>, room: Vec<f64>, bins: Vec<Complex64> },
+    Fast(asperity_fft::Transform<f64>),
     /// For others: e^(-i w t) at the samples, for each bin below half the rate.
     Direct(Vec<Vec<Complex64>>),
 }
@@ -27,9 +25,7 @@ impl Spectrometer {
         let samples = (rate_hz * WINDOW_S).max(2.0);
         let whole = samples.round();
         let (length, transform) = if (samples - whole).abs() < 1e-6 {
-            let plan = RealFftPlanner::new().plan_fft_forward(whole as usize);
-            let (room, bins) = (plan.make_input_vec(), plan.make_output_vec());
-            (whole as usize, Transform::Fast { plan, room, bins })
+            (whole as usize, Transform::Fast(asperity_fft::Transform::new(whole as usize)))
         } else {
             let length = samples.ceil() as usize;
             let below = ((0.5 * samples) as usize).min(BINS);
@@ -56,17 +52,12 @@ impl Spectrometer {
         for axis in axes {
             let seen = self.window.iter().zip(*axis).map(|(w, x)| w * x);
             match &mut self.transform {
-                Transform::Fast { plan, room, bins } => {
-                    room.fill(0.0);
-                    room.iter_mut().zip(seen).for_each(|(room, x)| *room = x);
-                    // The lengths are the plan's own.
-                    if plan.process(room, bins).is_ok() {
-                        let found = bins.iter().skip(1);
-                        powers
-                            .iter_mut()
-                            .zip(found)
-                            .for_each(|(p, bin)| *p += bin.norm_sqr() * scale * scale);
-                    }
+                Transform::Fast(fft) => {
+                    fft.time.fill(0.0);
+                    fft.time.iter_mut().zip(seen).for_each(|(to, x)| *to = x);
+                    fft.forward();
+                    let found = fft.bins.iter().skip(1);
+                    powers.iter_mut().zip(found).for_each(|(p, bin)| *p += bin.norm_sqr() * scale * scale);
                 }
                 Transform::Direct(kernels) => {
                     let seen: Vec<f64> = seen.collect();

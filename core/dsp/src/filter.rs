@@ -10,7 +10,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 pub use crate::Refused as FilterError;
 use crate::refuse;
 
-pub use realfft::num_complex::Complex64;
+pub use num_complex::Complex64;
 
 /// Sample type of a filter. The arithmetic in between is f64.
 pub trait Sample: Copy {

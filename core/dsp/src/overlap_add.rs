@@ -7,10 +7,10 @@
 //! It is periodic, and one period is kept.
 
 use crate::magnitude::largest_of;
-use crate::plans::Transform;
 use crate::tape::Tape;
 use crate::window::hann;
 use crate::{Complex, Float, Framing, Refused, refuse};
+use asperity_fft::Transform;
 use asperity_state::State;
 
 /// Turns a stream of spectra into samples by weighted overlap-add.

@@ -15,9 +15,10 @@
 //! every oscillator by 2/3, and each is seen in three bins with the squares 1/4, 1, 1/4. [`Level::Keep`]
 //! compensates that. Figures of all methods are in `docs/explanation/accuracy.md`.
 
-use crate::float::{phasor, unit_circle};
+use crate::float::phasor;
 use crate::magnitude::{largest_of, take};
 use crate::{Complex, Float, Framing, Level, Refused, random};
+use asperity_numbers::unit_circle;
 
 /// Phases of the oscillators at sample 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

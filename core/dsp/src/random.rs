@@ -3,7 +3,7 @@
 use asperity_numbers::Elementary as _;
 use asperity_numbers::random::{STEP, mix};
 
-use crate::float::unit_circle;
+use asperity_numbers::unit_circle;
 
 /// A uniform number in [0, 1) for a seed and two indices, by the finaliser of SplitMix64 (Steele, Lea,
 /// Flood 2014), which passes BigCrush on successive counters.

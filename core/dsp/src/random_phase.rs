@@ -8,9 +8,9 @@
 //! which is exact in the mean for three frames a window or more. The output is then Gaussian noise whose
 //! spectrum the window smears once more.
 
-use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
 use crate::{Complex, Float, Framing, Level, Refused, random};
+use asperity_numbers::unit_circle;
 
 /// Independent uniform phases, for frames of one layout. It has no state.
 #[derive(Debug)]

@@ -15,13 +15,13 @@
 //! `g = exp(s y - s^2)`, with `E[g^2] = 1`. `y` is normal: white noise seen through the window's square.
 //! Noise is indexed by sample from a seed, so skipping a frame changes no later one.
 
-use crate::float::unit_circle;
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
 use crate::tape::Tape;
 use crate::window::hann;
 use crate::{Float, Framing, Refused, Stft};
 use asperity_numbers::Elementary as _;
+use asperity_numbers::unit_circle;
 use std::sync::LazyLock;
 
 /// Steps of the table of [`ratio`]s.

@@ -1,8 +1,8 @@
 //! From samples to spectra.
 
-use crate::plans::Transform;
 use crate::window::hann;
 use crate::{Complex, Float};
+use asperity_fft::Transform;
 
 /// Hann-windowed forward transform of single frames.
 #[derive(Debug)]

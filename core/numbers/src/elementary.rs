@@ -20,6 +20,49 @@ pub fn size<T: Elementary>(z: Complex<T>) -> T {
     z.re.hypotenuse(z.im)
 }
 
+/// `(cos, sin)` of any finite phase in turns, to 1e-15, by a Taylor series on an eighth of a turn: every
+/// machine gives the same bits.
+#[inline]
+pub fn unit_circle(turns: f64) -> (f64, f64) {
+    const COS: [f64; 8] = inverse_factorials(2);
+    const SIN: [f64; 8] = inverse_factorials(3);
+    let quarters = turns * 4.0;
+    // Adding and subtracting 1.5 * 2^52 rounds to the nearest integer and leaves it in the low bits.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    let shifted = quarters + ROUND;
+    let x = (quarters - (shifted - ROUND)) * std::f64::consts::FRAC_PI_2;
+    let x2 = x * x;
+    let series = |c: &[f64; 8]| {
+        let x4 = x2 * x2;
+        let low = (c[0] + c[1] * x2) + (c[2] + c[3] * x2) * x4;
+        let high = (c[4] + c[5] * x2) + (c[6] + c[7] * x2) * x4;
+        low + high * (x4 * x4)
+    };
+    let cos = 1.0 + x2 * series(&COS);
+    let sin = x + x * x2 * series(&SIN);
+    match shifted.to_bits() & 3 {
+        0 => (cos, sin),
+        1 => (-sin, cos),
+        2 => (-cos, -sin),
+        _ => (sin, -cos),
+    }
+}
+
+/// `-1 / n!, 1 / (n + 2)!, -1 / (n + 4)! ..`
+const fn inverse_factorials(n: u64) -> [f64; 8] {
+    let mut all = [0.0; 8];
+    let (mut factorial, mut k, mut i) = (1u64, 1, 0);
+    while i < 8 {
+        while k < n + 2 * i as u64 {
+            k += 1;
+            factorial *= k;
+        }
+        all[i] = (if i % 2 == 0 { -1.0 } else { 1.0 }) / factorial as f64;
+        i += 1;
+    }
+    all
+}
+
 macro_rules! elementary {
     ($($(#[$doc:meta])* $name:ident $(($arg:ident))? = $double:path, $single:path;)*) => {
         /// Elementary functions of a real number, each to about one unit in the last place.
@@ -123,5 +166,12 @@ mod tests {
             }
         }
         assert!((3.0_f32.power(2.0), 4.0_f32.hypotenuse(3.0), 1000.0_f32.log_10()) == (9.0, 5.0, 3.0));
+    }
+
+    #[test]
+    fn unit_circle_is_exact_on_quarter_turns() {
+        for (turns, want) in [(0.0, (1.0, 0.0)), (0.5, (-1.0, 0.0)), (-0.25, (0.0, -1.0))] {
+            assert_eq!(unit_circle(turns), want);
+        }
     }
 }

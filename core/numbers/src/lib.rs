@@ -6,5 +6,5 @@ mod elementary;
 mod generator;
 pub mod random;
 
-pub use elementary::{Elementary, polar, size};
+pub use elementary::{Elementary, polar, size, unit_circle};
 pub use generator::Random;

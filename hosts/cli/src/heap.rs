@@ -41,10 +41,11 @@ fn of_machine() -> Option<u64> {
 mod tests {
     #[test]
     fn bytes_count_an_allocation_until_it_is_freed() {
+        // Much more than other tests of the process take and free meanwhile. Memory that nobody writes is only counted.
         let before = super::bytes();
-        let much = std::hint::black_box(vec![1_u8; 64 << 20]);
-        assert!(super::bytes() >= before + (60 << 20));
+        let much = std::hint::black_box(Vec::<u8>::with_capacity(1 << 30));
+        assert!(super::bytes() >= before + (768 << 20));
         drop(much);
-        assert!(super::bytes() < before + (32 << 20));
+        assert!(super::bytes() < before + (256 << 20));
     }
 }

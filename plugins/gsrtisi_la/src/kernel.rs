@@ -1,6 +1,6 @@
 //! The estimation, frame by frame, without a graph.
 
-use asperity_dsp::plans::Transform;
+use asperity_fft::Transform;
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::TAU;
 

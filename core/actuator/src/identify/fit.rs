@@ -3,7 +3,7 @@
 use asperity_numbers::{Elementary as _, polar, size};
 use std::f64::consts::{PI, TAU};
 
-use realfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 use super::super::Drive;
 use super::spectra::{Band, Spectra};

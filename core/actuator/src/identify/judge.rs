@@ -1,7 +1,7 @@
 //! Trust in a fit, and notes about it.
 
 use asperity_numbers::Elementary as _;
-use realfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 use super::super::Drive;
 use super::fit::Model;

@@ -1,11 +1,11 @@
 //! Frequency response with coherence, noise and latency from two signals, and the distortion of a sweep.
 
 use asperity_diagnostics::Diagnostic;
-use asperity_dsp::plans;
+use asperity_fft as fft;
 use asperity_numbers::{Elementary as _, polar};
 use std::f64::consts::TAU;
 
-use realfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 use super::{NO_DRIVE, Recording, raised_cosine};
 
@@ -106,7 +106,7 @@ impl Spectra {
         for (n, (x, y)) in self.drive.iter().zip(&self.acceleration).enumerate() {
             spectrum[self.first + n] = y * (x * shape(self.hz(n))).conj() * weight[n];
         }
-        let signal = plans::signal(spectrum, self.len);
+        let signal = fft::signal(spectrum, self.len);
         let rate = self.bin_hz * self.len as f64;
         let lags = (LATENCY.0 * rate) as i64..=((LATENCY.1 * rate) as i64).min(self.len as i64 / 2);
         let at = |lag: i64| signal[lag.rem_euclid(self.len as i64) as usize];
@@ -198,7 +198,7 @@ fn split(first: usize, end: usize) -> Vec<(usize, usize)> {
 fn transform(samples: &[f32], offset: f64, len: usize) -> Vec<Complex64> {
     let mut padded = vec![0.0; len];
     padded.iter_mut().zip(samples).for_each(|(to, x)| *to = f64::from(*x) - offset);
-    plans::spectrum(padded)
+    fft::spectrum(padded)
 }
 
 /// The least even 2^a 3^b 5^c that is at least `count`.
@@ -242,7 +242,7 @@ pub(super) fn distortion(recording: &Recording<'_>, highest_hz: f64, latency: f6
     if let Some(last) = response.last_mut() {
         *last = Complex64::default();
     }
-    let impulse = plans::signal(response, len);
+    let impulse = fft::signal(response, len);
     let lead = |k: u32| constant * f64::from(k).log_e();
     let length = (lead(HARMONICS + 1) - lead(HARMONICS)).min(0.2);
     let energy = |from: f64| {

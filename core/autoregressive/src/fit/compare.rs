@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::filter::Section;
-use asperity_dsp::plans;
 use asperity_dsp::window::hann;
+use asperity_fft as fft;
 use asperity_numbers::Elementary as _;
 
 use super::super::{Synthesis, Texture};
@@ -174,7 +174,7 @@ impl Meter {
         let len = signal.len();
         let window = hann::<f64>(len);
         let windowed = signal.iter().zip(&window).map(|(x, w)| x * w);
-        let spectrum = plans::spectrum(windowed.collect::<Vec<f64>>());
+        let spectrum = fft::spectrum(windowed.collect::<Vec<f64>>());
         let scale = 2.0 / (len as f64 * window.iter().map(|w| w * w).sum::<f64>());
         (spectrum.iter().map(|x| scale * x.norm_sqr()).collect(), self.rate_hz / len as f64)
     }

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use asperity_diagnostics::Diagnostic;
 use asperity_dsp::filter::Section;
-use asperity_dsp::plans::Transform;
 use asperity_dsp::resample::{Conversion, FilterPhase, Resampler};
+use asperity_fft::Transform;
 use asperity_numbers::Elementary as _;
 
 use super::Settings;

@@ -1,10 +1,8 @@
 //! Kurtosis, modulation and repetition of a signal.
 
 use super::stroke::RATE_HZ;
-use realfft::num_complex::Complex64;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
-use std::cell::RefCell;
-use std::sync::Arc;
+use asperity_fft as fft;
+use num_complex::Complex64;
 
 /// Band of the wave in Hz.
 const BAND_HZ: (f64, f64) = (30.0, 1000.0);
@@ -71,46 +69,15 @@ fn repetition(bins: &[Complex64], length: usize) -> f64 {
     (from..=to).map(at).fold(0.0, f64::max)
 }
 
-/// Transforms of one length in both directions.
-type Plans = (usize, Arc<dyn RealToComplex<f64>>, Arc<dyn ComplexToReal<f64>>);
-
-thread_local! {
-    /// The last transforms: most signals have the length of the one before.
-    static LAST: RefCell<Option<Plans>> = const { RefCell::new(None) };
-}
-
-fn plans(length: usize) -> Plans {
-    LAST.with_borrow_mut(|last| match last {
-        Some(plans) if plans.0 == length => plans.clone(),
-        _ => {
-            let mut planner = RealFftPlanner::new();
-            let plans = (length, planner.plan_fft_forward(length), planner.plan_fft_inverse(length));
-            last.insert(plans).clone()
-        }
-    })
-}
-
 /// Half a spectrum of samples, unscaled.
 pub(super) fn spectrum(samples: &[f64]) -> Vec<Complex64> {
-    let (_, plan, _) = plans(samples.len());
-    let (mut room, mut bins) = (samples.to_vec(), plan.make_output_vec());
-    // The buffers have the plan's length.
-    let done = plan.process(&mut room, &mut bins);
-    debug_assert!(done.is_ok());
-    bins
+    fft::spectrum(samples.to_vec())
 }
 
-/// Samples of half a spectrum, over their number.
+/// Samples of half a spectrum without its mean, over their number.
 pub(super) fn wave(bins: &[Complex64], length: usize) -> Vec<f64> {
-    let (_, _, plan) = plans(length);
-    let (mut room, mut samples) = (plan.make_input_vec(), plan.make_output_vec());
-    let inner = 1..room.len() - usize::from(length.is_multiple_of(2));
-    for (to, bin) in room[inner].iter_mut().zip(bins.iter().skip(1)) {
-        *to = bin / length as f64;
-    }
-    let done = plan.process(&mut room, &mut samples);
-    debug_assert!(done.is_ok());
-    samples
+    let scaled = bins.iter().skip(1).map(|bin| bin / length as f64);
+    fft::signal(std::iter::once(Complex64::default()).chain(scaled), length)
 }
 
 /// Silences everything outside a band.

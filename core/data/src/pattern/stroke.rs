@@ -3,7 +3,7 @@
 use super::figures::{Figures, keep, spectrum, wave};
 use super::{BINS, Network, WINDOW};
 use crate::frames::Spectrometer;
-use realfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 /// Sampling rate of all strokes here.
 pub const RATE_HZ: f64 = 2500.0;

@@ -7,7 +7,7 @@ use super::kernel;
 use super::stroke::{Passage, RATE_HZ, TICK, TICK_S};
 use asperity_dsp::shaped_noise::HARMONICS;
 use asperity_texture::{Harmonic, MAX_HARMONICS, MAX_WAVES, Wave};
-use realfft::num_complex::Complex64;
+use num_complex::Complex64;
 
 /// Least part of the power of a wave, summed over its pieces. In noise without direction the best wave
 /// vector by chance has up to about 0.1.

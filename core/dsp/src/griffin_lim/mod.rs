@@ -11,9 +11,9 @@
 
 use crate::float::phasor;
 use crate::magnitude::take;
-use crate::plans::Transform;
 use crate::window::hann;
 use crate::{Complex, Float, Framing, Refused, Stft, random};
+use asperity_fft::Transform;
 
 /// Phases before the first iteration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,7 +1,7 @@
 //! Rendering of many oscillators from one frame to the next.
 
 use crate::Float;
-use crate::float::unit_circle;
+use asperity_numbers::unit_circle;
 
 /// Oscillators computed in parallel.
 const LANES: usize = 8;

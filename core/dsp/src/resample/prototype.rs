@@ -3,7 +3,7 @@
 use asperity_numbers::{Elementary as _, polar, size as size_of};
 
 use crate::Complex;
-use crate::plans::Transform;
+use asperity_fft::Transform;
 use std::f64::consts::PI;
 
 /// Attenuation in dB at the stop band's edge and beyond, for which the length is designed.

@@ -55,6 +55,7 @@ use asperity_numbers::Elementary as _;
 use asperity_state::State;
 use drift::Drift;
 use history::{History, largest, usable};
+pub(crate) use project::Project;
 use project::{Call, Projector};
 
 /// Weight of a sample's last value relative to the squared windows, where those are small.

@@ -1,10 +1,11 @@
 //! Projection of frames, one or several at once: the nearest frame with the wanted magnitudes.
 
-use crate::float::{phasor, unit_circle};
+use crate::float::phasor;
 use crate::lanes::{Fft, LANES, Lane, Portable, Simd, Work, turned};
-use crate::plans::Transform;
 use crate::window::hann;
 use crate::{Complex, Float, Framing, Isa};
+use asperity_fft::Transform;
+use asperity_numbers::unit_circle;
 
 /// Relative size of the start phase in a bin. It matters only where the signal so far is silent.
 const HINT: f64 = 1e-6;
@@ -16,7 +17,7 @@ const TINY: f64 = 1e-36;
 const FEW: usize = 2;
 
 /// Frames to project, and the sum to which they are added.
-pub(super) struct Call<'a, T> {
+pub struct Call<'a, T> {
     /// The signal so far.
     pub z: &'a [T],
     /// Frames by their position in `z`, with the wanted magnitudes; at most as many as there are lanes.
@@ -132,7 +133,7 @@ type Run<T> = fn(&mut Job<T>, Call<'_, T>);
 
 /// Data of a projection, for every instruction set.
 #[derive(Debug)]
-struct Job<T> {
+pub struct Job<T> {
     fft: Fft<T>,
     /// `e^(-2 pi i k / n)` up to a quarter of the length `n`.
     turns: Vec<Complex<T>>,
@@ -160,7 +161,7 @@ impl<T: Float> Batch<T> {
             work: Work::new(half),
             mags: vec![[T::zero(); LANES]; bins],
         };
-        Some(Self { job, run: compiled(Isa::best()) })
+        Some(Self { job, run: T::projection(Isa::best()) })
     }
 
     /// Projects all frames of a call at once.
@@ -173,6 +174,27 @@ impl<T: Float> Batch<T> {
         (self.run)(&mut self.job, call);
     }
 }
+
+/// A float type with the projection. It is large, and compiled here alone: a generic function would be compiled in
+/// each crate that names it.
+pub trait Project: Sized {
+    /// The projection compiled for an instruction set.
+    fn projection(isa: Isa) -> Run<Self>;
+}
+
+macro_rules! project {
+    ($($t:ty),*) => {$(
+        impl Project for $t {
+            // Inlined, it would be compiled in the crate that calls it.
+            #[inline(never)]
+            fn projection(isa: Isa) -> Run<Self> {
+                compiled(isa)
+            }
+        }
+    )*};
+}
+
+project!(f32, f64);
 
 fn portable<T: Float>(job: &mut Job<T>, call: Call<'_, T>) {
     job.project(Portable, call);

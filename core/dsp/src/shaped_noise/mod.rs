@@ -31,12 +31,13 @@ mod unblurred;
 
 pub use pattern::{Events, HARMONICS, PATTERN_LEN, Pattern, WAVES, Wave};
 
-use crate::float::{keep_wide, unit_circle};
+use crate::float::keep_wide;
 use crate::magnitude::{largest_of, take};
 use crate::random::normal;
 use crate::tape::Tape;
 use crate::{Complex, Float, Framing, Refused};
 use asperity_numbers::Elementary as _;
+use asperity_numbers::unit_circle;
 use asperity_state::State;
 use events::{Bumps, at_ridges};
 use place::Place;

@@ -1,8 +1,8 @@
 //! Minimum-phase response for given magnitudes.
 
 use super::LANES;
-use crate::plans::Transform;
 use crate::{Complex, Float};
+use asperity_fft::Transform;
 
 /// Smallest squared magnitude relative to the largest: -70 dB.
 const FLOOR: f64 = 1e-7;

@@ -1,7 +1,7 @@
 //! The peaks of a frame and the bins that belong to each.
 
 use crate::Float;
-use realfft::num_complex::Complex;
+use num_complex::Complex;
 
 /// A sinusoid seen in one frame.
 #[derive(Clone, Copy, Debug)]

@@ -149,16 +149,14 @@ fn heights_of_foam_pebbles_and_sandpaper_are_as_stated() {
 /// directions.
 fn statistics(patch: &HeightField) -> [f64; 3] {
     let side = patch.side();
-    let fft = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(side);
     let mut power = vec![0.0; side / 2];
     let mean = patch.mean_mm();
     for line in 0..side as i64 {
         for along in [true, false] {
-            let mut values: Vec<f64> = (0..side as i64)
+            let values: Vec<f64> = (0..side as i64)
                 .map(|i| f64::from(if along { patch.point(i, line) } else { patch.point(line, i) }) - mean)
                 .collect();
-            let mut bins = fft.make_output_vec();
-            fft.process(&mut values, &mut bins).expect("lengths of the plan");
+            let bins = asperity_fft::spectrum(values);
             power.iter_mut().zip(&bins[1..]).for_each(|(sum, bin)| *sum += bin.norm_sqr());
         }
     }

@@ -1,10 +1,10 @@
 //! Patches by their spectrum, and filters over patches.
 
-use asperity_dsp::plans::{self, Transform};
+use asperity_fft::{Real as _, Transform};
 use asperity_numbers::Elementary as _;
 use std::f64::consts::TAU;
 
-use realfft::num_complex::Complex;
+use num_complex::Complex;
 
 use super::HeightField;
 use asperity_numbers::Random;
@@ -100,7 +100,7 @@ fn backward(spectrum: &mut [Complex<f32>], rows: &mut [f32], side: usize) {
 }
 
 fn columns(lines: &mut [Complex<f32>], side: usize, forward: bool) {
-    let plan = plans::complex::<f32>(side, forward);
+    let plan = f32::complex(side, forward);
     let mut scratch = vec![Complex::default(); plan.get_inplace_scratch_len()];
     lines.chunks_exact_mut(side).for_each(|line| plan.process_with_scratch(line, &mut scratch));
 }

@@ -3,13 +3,12 @@
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+use asperity_fft::{Complex, Fft, Real as _};
 use asperity_texture::picture::{IMAGE, Image};
 use burn::module::Module;
 use burn::optim::{AdamConfig, GradientsParams};
 use burn::tensor::{Device, Tensor};
 use rayon::prelude::*;
-use rustfft::num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
 
 use crate::layer::{Layer, rows};
 use crate::stages::naming_loss;
@@ -68,7 +67,7 @@ impl Statistics {
 }
 
 fn of(images: &[(usize, &Image)]) -> Vec<[f32; NUMBERS]> {
-    let fft = FftPlanner::new().plan_fft_forward(SIDE);
+    let fft = f32::complex(SIDE, true);
     images.par_iter().map(|(_, image)| numbers_of(image, &fft)).collect()
 }
 
@@ -93,10 +92,10 @@ fn numbers_of(image: &Image, fft: &Arc<dyn Fft<f32>>) -> [f32; NUMBERS] {
 /// directions.
 fn rings(square: &[f32], mean: f32, fft: &Arc<dyn Fft<f32>>) -> [f32; RINGS] {
     let window = |i: usize| (0.5 - 0.5 * (TAU * (i as f64 + 0.5) / SIDE as f64).cos()) as f32;
-    let mut lines: Vec<Complex32> = square
+    let mut lines: Vec<Complex<f32>> = square
         .iter()
         .enumerate()
-        .map(|(i, x)| Complex32::new((x - mean) * window(i / SIDE) * window(i % SIDE), 0.0))
+        .map(|(i, x)| Complex::new((x - mean) * window(i / SIDE) * window(i % SIDE), 0.0))
         .collect();
     for _ in 0..2 {
         fft.process(&mut lines);
@@ -137,7 +136,7 @@ mod tests {
 
     #[test]
     fn a_wave_stands_in_the_ring_of_its_frequency() {
-        let fft = FftPlanner::new().plan_fft_forward(SIDE);
+        let fft = f32::complex(SIDE, true);
         let numbers = numbers_of(&waves(24.0, 0.3), &fft);
         let rings = &numbers[2..2 + RINGS];
         let loudest = (0..RINGS).max_by(|a, b| rings[*a].total_cmp(&rings[*b])).unwrap();

@@ -28,7 +28,8 @@
 use std::f64::consts::{PI, TAU};
 use std::sync::{Arc, LazyLock};
 
-use asperity_dsp::{Complex, plans};
+use asperity_dsp::Complex;
+use asperity_fft as fft;
 use asperity_numbers::Elementary as _;
 use asperity_state::State;
 
@@ -197,7 +198,7 @@ impl WaveformTable {
     fn of_loop(looped: Vec<f64>, spacing_mm: f64, quantity: WaveformQuantity) -> Self {
         let count = looped.len();
         let length_mm = count as f64 * spacing_mm;
-        let mut spectrum = plans::spectrum(looped);
+        let mut spectrum = fft::spectrum(looped);
         let band = count as f64 / 2.0;
         for (k, bin) in spectrum.iter_mut().enumerate() {
             *bin /= count as f64;
@@ -219,7 +220,7 @@ impl WaveformTable {
             let tapered = |(k, bin): (usize, &Complex<f64>)| {
                 if finest { *bin } else { *bin * taper(k as f64 / edge) }
             };
-            let values = plans::signal(spectrum.iter().enumerate().map(tapered), size);
+            let values = fft::signal(spectrum.iter().enumerate().map(tapered), size);
             let around = (0..size + TAPS).map(|i| values[(i + size - BEFORE % size) % size] as f32);
             levels.push(Level { values: around.collect(), per_mm: size as f64 / length_mm });
             edge *= 0.5;

@@ -2,7 +2,8 @@
 
 use std::ops::RangeInclusive;
 
-use asperity_dsp::{Complex, Stft, plans, random};
+use asperity_dsp::{Complex, Stft, random};
+use asperity_fft as fft;
 
 use super::super::SILENCE_M_S2;
 
@@ -13,7 +14,7 @@ const SQUARINGS: usize = 40;
 
 /// From the first bins of half a spectrum, each times a factor, to `length` samples. Missing bins are 0.
 fn inverse(bins: &[Complex<f64>], factor: Complex<f64>, length: usize) -> Vec<f64> {
-    plans::signal(bins.iter().map(|bin| factor * bin), length)
+    fft::signal(bins.iter().map(|bin| factor * bin), length)
 }
 
 /// The first bin of a signal of some seconds that lies at or above a frequency.
@@ -41,7 +42,7 @@ impl Band {
             .iter()
             .map(|axis| {
                 let scaled: Vec<f64> = axis.iter().take(length).map(|x| x / scale).collect();
-                let mut bins = plans::spectrum(scaled);
+                let mut bins = fft::spectrum(scaled);
                 bins.truncate(end);
                 bins.iter_mut().take(first).for_each(|bin| *bin = Complex::default());
                 bins
@@ -190,7 +191,7 @@ pub(super) fn likeness(samples: &[f64], lags: RangeInclusive<usize>) -> Vec<(usi
     // Zeros keep the end from being compared with the beginning.
     padded.resize((samples.len() + last).next_power_of_two(), 0.0);
     let powers: Vec<Complex<f64>> =
-        plans::spectrum(padded.clone()).iter().map(|c| c.norm_sqr().into()).collect();
+        fft::spectrum(padded.clone()).iter().map(|c| c.norm_sqr().into()).collect();
     let products = inverse(&powers, Complex::new(1.0 / padded.len() as f64, 0.0), padded.len());
     let mut sums = vec![0.0];
     sums.extend(padded.iter().take(samples.len()).scan(0.0, |sum, x| {

@@ -5,8 +5,8 @@ mod values;
 
 use std::f64::consts::{PI, TAU};
 
-use asperity_dsp::plans;
-use realfft::num_complex::Complex64;
+use asperity_fft as fft;
+use num_complex::Complex64;
 
 use super::super::{Dynamics, Limiter, LimiterSettings, Plant, Quantity};
 use super::*;
@@ -121,8 +121,8 @@ fn delayed(x: &[f64], samples: f64) -> Vec<f64> {
     let mut padded = x.to_vec();
     padded.resize(len, 0.0);
     let turn = |n: usize| Complex64::from_polar(1.0 / len as f64, -TAU * n as f64 / len as f64 * samples);
-    let spectrum = plans::spectrum(padded).into_iter().enumerate().map(|(n, z)| z * turn(n));
-    let mut late = plans::signal(spectrum, len);
+    let spectrum = fft::spectrum(padded).into_iter().enumerate().map(|(n, z)| z * turn(n));
+    let mut late = fft::signal(spectrum, len);
     late.truncate(x.len());
     late
 }

@@ -1,13 +1,16 @@
 //! Transforms of real signals, planned once for each length and shared by all kernels of the process.
 //!
+//! rustfft's planner is generic: each crate that names it compiles every algorithm of it anew, for a minute. It is
+//! compiled here alone, by [`Real`].
+//!
 //! Only rustfft's plain plans are used, because its vector plans round differently: 250 samples take 0.7 us
 //! instead of 0.3, and every CPU gives the same bits.
 
-use crate::Complex;
-use crate::float::unit_circle;
-pub use rustfft::FftNum;
+use asperity_numbers::unit_circle;
+pub use num_complex::Complex;
+pub use rustfft::Fft;
 use rustfft::num_traits::Zero;
-use rustfft::{Fft, FftPlannerScalar};
+use rustfft::{FftNum, FftPlannerScalar};
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
@@ -31,7 +34,7 @@ type Shared = HashMap<(TypeId, usize), Arc<dyn Any + Send + Sync>>;
 static SHARED: LazyLock<Mutex<Shared>> = LazyLock::new(Mutex::default);
 
 /// A plan of the process, under a lock: not for the tick thread.
-fn plan<T: FftNum>(len: usize) -> Arc<Plan<T>> {
+fn plan<T: Real>(len: usize) -> Arc<Plan<T>> {
     let new = || Arc::new(Plan::new(len));
     if len > KEPT {
         return new();
@@ -44,7 +47,7 @@ fn plan<T: FftNum>(len: usize) -> Arc<Plan<T>> {
 }
 
 /// The `len / 2 + 1` bins of `len` samples, unscaled.
-pub fn spectrum<T: FftNum>(samples: Vec<T>) -> Vec<Complex<T>> {
+pub fn spectrum<T: Real>(samples: Vec<T>) -> Vec<Complex<T>> {
     let mut transform = Transform::new(samples.len());
     transform.time = samples;
     transform.forward();
@@ -52,22 +55,36 @@ pub fn spectrum<T: FftNum>(samples: Vec<T>) -> Vec<Complex<T>> {
 }
 
 /// The `len` samples of the first bins of a spectrum, unscaled. Missing bins are 0.
-pub fn signal<T: FftNum>(bins: impl IntoIterator<Item = Complex<T>>, len: usize) -> Vec<T> {
+pub fn signal<T: Real>(bins: impl IntoIterator<Item = Complex<T>>, len: usize) -> Vec<T> {
     let mut transform = Transform::new(len);
     transform.bins.iter_mut().zip(bins).for_each(|(to, bin)| *to = bin);
     transform.inverse();
     transform.time
 }
 
-/// Plans a transform of `len` complex numbers, unscaled. The plan is not kept.
-pub fn complex<T: FftNum>(len: usize, forward: bool) -> Arc<dyn Fft<T>> {
-    let mut planner = FftPlannerScalar::new();
-    if forward { planner.plan_fft_forward(len) } else { planner.plan_fft_inverse(len) }
+/// A number that transforms take: `f32` or `f64`.
+pub trait Real: FftNum {
+    /// Plans a transform of `len` complex numbers, unscaled. The plan is not kept.
+    fn complex(len: usize, forward: bool) -> Arc<dyn Fft<Self>>;
 }
 
-impl<T: FftNum> Plan<T> {
+macro_rules! real {
+    ($($t:ty),*) => {$(
+        impl Real for $t {
+            // Inlined, it would be compiled in the crate that calls it.
+            #[inline(never)]
+            fn complex(len: usize, forward: bool) -> Arc<dyn Fft<Self>> {
+                let mut planner = FftPlannerScalar::new();
+                if forward { planner.plan_fft_forward(len) } else { planner.plan_fft_inverse(len) }
+            }
+        }
+    )*};
+}
+
+real!(f32, f64);
+
+impl<T: Real> Plan<T> {
     fn new(len: usize) -> Self {
-        let mut planner = FftPlannerScalar::new();
         let even = len.is_multiple_of(2);
         let inner = if even { len / 2 } else { len };
         let turn = |k: usize| {
@@ -78,8 +95,8 @@ impl<T: FftNum> Plan<T> {
         };
         Self {
             len,
-            forward: planner.plan_fft_forward(inner),
-            inverse: planner.plan_fft_inverse(inner),
+            forward: T::complex(inner, true),
+            inverse: T::complex(inner, false),
             turns: if even { (0..=len / 4).map(turn).collect() } else { Vec::new() },
         }
     }
@@ -167,7 +184,7 @@ impl<T> std::fmt::Debug for Transform<T> {
     }
 }
 
-impl<T: FftNum> Transform<T> {
+impl<T: Real> Transform<T> {
     /// Plans both directions and allocates the buffers.
     pub fn new(len: usize) -> Self {
         let plan = plan(len);
@@ -194,7 +211,7 @@ impl<T: FftNum> Transform<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::random::uniform;
+    use asperity_numbers::Random;
 
     #[test]
     fn plans_are_shared_by_threads_and_long_ones_are_dropped() {
@@ -211,8 +228,9 @@ mod tests {
     #[test]
     fn real_transforms_match_realfft_at_any_length() {
         let mut planner = realfft::RealFftPlanner::<f64>::new();
+        let mut random = Random::new(1);
         for len in (1..70).chain([100, 125, 250, 251, 800, 1000, 4096]) {
-            let samples: Vec<f64> = (0..len).map(|i| uniform(1, 0, i as u64) - 0.5).collect();
+            let samples: Vec<f64> = (0..len).map(|_| random.unit() - 0.5).collect();
             let theirs = planner.plan_fft_forward(len);
             let mut bins = theirs.make_output_vec();
             theirs.process(&mut samples.clone(), &mut bins).unwrap();
