@@ -43,7 +43,7 @@ fn killed_render_leaves_all_old_files_or_all_new_ones() {
     let began = std::time::Instant::now();
     drop(made(3));
     let lasts = began.elapsed();
-    two_at_a_time(20 * times(), |number| {
+    two_at_a_time(12 * times(), |number| {
         let dir = Room::new();
         for (name, bytes) in ["o.wav", "t.npy", "v.npy"].iter().zip(&old) {
             dir.write(name, bytes.as_ref().expect("bytes"));

@@ -187,7 +187,7 @@ fn damaged_file_is_refused_or_read_and_nothing_else() {
     let tally = Tally::new("damaged files");
     for reader in &READERS {
         let right = (reader.right)();
-        two_at_a_time(reader.mutants * times() / 3, |number| {
+        two_at_a_time(reader.mutants * times() / 6, |number| {
             let dir = Room::new();
             let bytes = mutated(&right, &mut Seed(number.wrapping_mul(0x1_0001)));
             dir.write(reader.name, bytes);
