@@ -1,7 +1,7 @@
 //! Transforms of real signals, planned once for each length and shared by all kernels of the process.
 //!
-//! rustfft's planner is generic: each crate that names it compiles every algorithm of it anew, for a minute. It is
-//! compiled here alone, by [`Real`].
+//! rustfft's planner is generic: each crate that names it compiles every algorithm of it anew, for a
+//! minute. It is compiled here alone, by [`Real`].
 //!
 //! Only rustfft's plain plans are used, because its vector plans round differently: 250 samples take 0.7 us
 //! instead of 0.3, and every CPU gives the same bits.

@@ -41,7 +41,8 @@ fn of_machine() -> Option<u64> {
 mod tests {
     #[test]
     fn bytes_count_an_allocation_until_it_is_freed() {
-        // Much more than other tests of the process take and free meanwhile. Memory that nobody writes is only counted.
+        // Much more than other tests of the process take and free meanwhile. Nobody writes to it, so that
+        // it is counted and takes no memory.
         let before = super::bytes();
         let much = std::hint::black_box(Vec::<u8>::with_capacity(1 << 30));
         assert!(super::bytes() >= before + (768 << 20));

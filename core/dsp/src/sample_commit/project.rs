@@ -175,8 +175,8 @@ impl<T: Float> Batch<T> {
     }
 }
 
-/// A float type with the projection. It is large, and compiled here alone: a generic function would be compiled in
-/// each crate that names it.
+/// A float type with the projection. It is large, and compiled here alone: a generic function would be
+/// compiled in each crate that names it.
 pub trait Project: Sized {
     /// The projection compiled for an instruction set.
     fn projection(isa: Isa) -> Run<Self>;
